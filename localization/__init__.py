@@ -1,0 +1,1 @@
+"""Belief over time: odometry, filter, late fixes, smoothing."""

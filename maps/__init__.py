@@ -1,0 +1,1 @@
+"""The world that does not move: poses and angles, wire map, floor, visibility."""

@@ -1,0 +1,1 @@
+"""Sessions and people: reading, running, results, recording, comparison, command line."""

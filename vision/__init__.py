@@ -1,0 +1,1 @@
+"""One image and a search window in, one fix out."""

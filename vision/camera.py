@@ -1,0 +1,122 @@
+"""The calibrated camera: intrinsics, distortion, and where it sits on the robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import cv2
+import numpy as np
+
+from maps.poses import Array, Pose2, frozen
+
+
+class CameraModel(StrEnum):
+    """How a ray becomes a pixel; the values are those of robot.yaml."""
+
+    PINHOLE_RADTAN = "pinhole_radtan (OpenCV)"
+    FISHEYE = "fisheye (OpenCV)"
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMount:
+    """Where the camera sits on the robot, and how well that is known.
+
+    Metres and radians in the robot's base frame; pitch positive downwards, yaw positive to the left,
+    roll about the optical axis. robot_from_camera rotates by Rz(yaw) Ry(pitch) Rx(roll).
+    """
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    height_m: float = 1.0
+    pitch_down_rad: float = 0.0
+    yaw_rad: float = 0.0
+    roll_rad: float = 0.0
+    std_height_m: float = 0.005
+    std_pitch_down_rad: float = 0.003
+    std_yaw_rad: float = 0.003
+    std_roll_rad: float = 0.003
+
+
+#: Columns: the optical axes (x right, y down, z forward) in a level, forward-looking base frame.
+BASE_FROM_OPTICAL = frozen(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """A camera with OpenCV's pinhole or fisheye distortion; integer pixels are pixel centres."""
+
+    model: CameraModel
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: Array
+    mount: CameraMount
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "distortion", frozen(self.distortion))
+
+    @property
+    def matrix(self) -> Array:
+        """The intrinsic matrix K, (3, 3)."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def undistort(self, points_px: Array) -> Array:
+        """Turn raw pixels (N, 2) into normalised image coordinates (x/z, y/z), (N, 2)."""
+        points = np.ascontiguousarray(points_px, np.float64).reshape(-1, 1, 2)
+        if not len(points):
+            return np.zeros((0, 2))
+        if self.model is CameraModel.FISHEYE:
+            return cv2.fisheye.undistortPoints(points, self.matrix, self.distortion).reshape(-1, 2)
+        if not self.distortion.any():
+            return (points.reshape(-1, 2) - [self.cx, self.cy]) / [self.fx, self.fy]
+        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
+        return cv2.undistortPoints(
+            points, self.matrix, self.distortion, criteria=criteria
+        ).reshape(-1, 2)
+
+    def distort(self, points: Array) -> Array:
+        """Turn normalised image coordinates (N, 2) into raw pixels (N, 2)."""
+        if not len(points):
+            return np.zeros((0, 2))
+        if self.model is not CameraModel.FISHEYE and not self.distortion.any():
+            return np.asarray(points) * [self.fx, self.fy] + [self.cx, self.cy]
+        rays = np.column_stack([points, np.ones(len(points))]).reshape(-1, 1, 3)
+        zero = np.zeros(3)
+        project = cv2.fisheye.projectPoints if self.model is CameraModel.FISHEYE else cv2.projectPoints
+        return project(rays, zero, zero, self.matrix, self.distortion)[0].reshape(-1, 2)
+
+    def map_from_optical(self, map_from_robot: Pose2) -> tuple[Array, Array]:
+        """Return the rotation (3, 3) and the camera's centre (3,) in the map frame."""
+        mount = self.mount
+        base_from_optical = (
+            rotation_z(mount.yaw_rad)
+            @ rotation_y(mount.pitch_down_rad)
+            @ rotation_x(mount.roll_rad)
+            @ BASE_FROM_OPTICAL
+        )
+        turn = rotation_z(map_from_robot.phi)
+        lever = turn @ [mount.x_m, mount.y_m, mount.height_m]
+        return turn @ base_from_optical, lever + [map_from_robot.x, map_from_robot.y, 0.0]
+
+
+def rotation_x(angle: float) -> Array:
+    """Rotate about x, right-handed, (3, 3)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def rotation_y(angle: float) -> Array:
+    """Rotate about y, right-handed, (3, 3)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def rotation_z(angle: float) -> Array:
+    """Rotate about z, right-handed, (3, 3)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
