@@ -44,9 +44,9 @@ def read_yaml(path: Path) -> dict[str, Any]:
         if _MAYBE_ALIAS.search(text):
             for event in yaml.parse(text, Loader=_Loader):
                 if isinstance(event, yaml.AliasEvent):
-                    line = event.start_mark.line + 1
-                    raise InputError(path, f"line {line}", "YAML aliases are not supported")
-        content = yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe loader, the C one
+                    mark: Any = event.start_mark
+                    raise InputError(path, f"line {mark.line + 1}", "YAML aliases are not supported")
+        content = yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         what = getattr(error, "problem", None) or str(error).splitlines()[0]

@@ -65,19 +65,24 @@ class Camera:
         """The intrinsic matrix K, (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
+    @property
+    def focal_px(self) -> float:
+        """The focal length of the ideal camera that undistorted pixels refer to."""
+        return math.sqrt(self.fx * self.fy)
+
     def undistort(self, points_px: Array) -> Array:
         """Turn raw pixels (N, 2) into normalised image coordinates (x/z, y/z), (N, 2)."""
         points = np.ascontiguousarray(points_px, np.float64).reshape(-1, 1, 2)
         if not len(points):
             return np.zeros((0, 2))
         if self.model is CameraModel.FISHEYE:
-            return cv2.fisheye.undistortPoints(points, self.matrix, self.distortion).reshape(-1, 2)
-        if not self.distortion.any():
-            return (points.reshape(-1, 2) - [self.cx, self.cy]) / [self.fx, self.fy]
-        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
-        return cv2.undistortPoints(
-            points, self.matrix, self.distortion, criteria=criteria
-        ).reshape(-1, 2)
+            rays = cv2.fisheye.undistortPoints(points, self.matrix, self.distortion)
+        elif self.distortion.any():
+            criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
+            rays = cv2.undistortPoints(points, self.matrix, self.distortion, criteria=criteria)
+        else:
+            rays = (points - [self.cx, self.cy]) / [self.fx, self.fy]
+        return np.asarray(rays, np.float64).reshape(-1, 2)
 
     def distort(self, points: Array) -> Array:
         """Turn normalised image coordinates (N, 2) into raw pixels (N, 2)."""
@@ -88,7 +93,8 @@ class Camera:
         rays = np.column_stack([points, np.ones(len(points))]).reshape(-1, 1, 3)
         zero = np.zeros(3)
         project = cv2.fisheye.projectPoints if self.model is CameraModel.FISHEYE else cv2.projectPoints
-        return project(rays, zero, zero, self.matrix, self.distortion)[0].reshape(-1, 2)
+        pixels = project(rays, zero, zero, self.matrix, self.distortion)[0]
+        return np.asarray(pixels, np.float64).reshape(-1, 2)
 
     def map_from_optical(self, map_from_robot: Pose2) -> tuple[Array, Array]:
         """Return the rotation (3, 3) and the camera's centre (3,) in the map frame."""

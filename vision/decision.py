@@ -1,0 +1,64 @@
+"""From weighed candidates to an outcome: a fix, several poses that cannot be told apart, or none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from maps.outcomes import Ambiguous, Fix, Look, NoFix, Outcome, PoseBelief, Reason
+from maps.poses import Array, Pose2
+from vision.refinement import Candidate
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionConfig:
+    """When to believe."""
+
+    #: A fix needs this much evidence over chance (nats), and this many different segments.
+    min_score: float = 15.0
+    min_matched: int = 6
+    #: Poses this near each other are one place; their spread goes into the covariance.
+    same_place_m: float = 0.15
+    same_place_rad: float = math.radians(2.5)
+    #: Other places with more than this share of the odds make the image ambiguous.
+    max_rival_odds: float = 0.01
+    #: The looks at an image are not independent: log-odds between poses are divided by this.
+    score_temper: float = 4.0
+
+
+def decide(candidates: list[Candidate], look: Look, config: DecisionConfig) -> Outcome:
+    """Weigh the candidates, best first (at least one)."""
+    best = candidates[0]
+    if best.score < config.min_score or best.matched_segments < config.min_matched:
+        return NoFix(Reason.WEAK_EVIDENCE, look)
+    odds = np.exp((np.array([c.score for c in candidates]) - best.score) / config.score_temper)
+    here = np.array([_same_place(c.belief.pose, best.belief.pose, config) for c in candidates])
+    beliefs = [candidate.belief for candidate in candidates]
+    rivals = [belief for belief, near in zip(beliefs, here, strict=True) if not near]
+    elsewhere = float(odds[~here].sum() / odds.sum())
+    if elsewhere > config.max_rival_odds:
+        return Ambiguous((best.belief, rivals[0]), (1.0 - elsewhere, elsewhere), look)
+    return Fix(_moment_match([b for b, near in zip(beliefs, here, strict=True) if near], odds[here]), look)
+
+
+def _same_place(pose: Pose2, other: Pose2, config: DecisionConfig) -> bool:
+    away = pose.minus(other)
+    return math.hypot(away[0], away[1]) <= config.same_place_m and abs(away[2]) <= config.same_place_rad
+
+
+def _moment_match(beliefs: list[PoseBelief], odds: Array) -> PoseBelief:
+    """The Gaussian with the mean and covariance of a mixture of nearby beliefs, best first.
+
+    Swapped door edges give poses a few centimetres apart with like evidence: their spread belongs into
+    the covariance.
+    """
+    weights = odds / odds.sum()
+    anchor = beliefs[0]
+    away = np.array([belief.pose.minus(anchor.pose) for belief in beliefs])
+    mean = weights @ away
+    spread = away - mean
+    covariance = np.einsum("k,kij->ij", weights, np.array([belief.covariance for belief in beliefs]))
+    covariance = covariance + np.einsum("k,ki,kj->ij", weights, spread, spread)
+    return PoseBelief(anchor.stamp_ns, Pose2.from_array(anchor.pose.as_array() + mean), covariance)

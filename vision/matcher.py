@@ -1,0 +1,135 @@
+"""The matcher: one image and a search window in; a fix, several poses, or the reason for none out."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from maps.outcomes import Look, NoFix, Outcome, Reason, SearchWindow
+from maps.poses import Array, Pose2, wrap_angle
+from maps.wiremap import WireMap
+from vision.camera import Camera
+from vision.constraints import Correspondences, unary_correspondences
+from vision.decision import DecisionConfig, decide
+from vision.hypotheses import HypothesisConfig, couple_hypotheses, grid_hypotheses
+from vision.images import GreyImage
+from vision.lines import ImageSegments, LineConfig, extract_segments
+from vision.projection import Prediction, Projector
+from vision.refinement import Candidate, RefinementConfig, refine_poses
+from vision.scoring import quick_scores
+
+
+@dataclass(frozen=True, slots=True)
+class MatcherConfig:
+    """What the matcher tries, and when it believes what it found."""
+
+    lines: LineConfig = field(default_factory=LineConfig)
+    hypotheses: HypothesisConfig = field(default_factory=HypothesisConfig)
+    refinement: RefinementConfig = field(default_factory=RefinementConfig)
+    decision: DecisionConfig = field(default_factory=DecisionConfig)
+    #: Width of the quick score's kernel.
+    kernel_px: float = 4.0
+    #: Hypotheses that are refined, and how far apart they must be to count as different.
+    refined: int = 10
+    apart_m: float = 0.05
+    apart_rad: float = 0.01
+
+
+class LineMatcher:
+    """Finds the pose of one camera against one map; keeps nothing from image to image but timings."""
+
+    def __init__(self, camera: Camera, wire_map: WireMap, config: MatcherConfig | None = None) -> None:
+        self.camera, self.wire_map = camera, wire_map
+        self.config = config or MatcherConfig()
+        self.projector = Projector(camera, wire_map)
+        #: Milliseconds that the last image took: "extract" and "match".
+        self.timing_ms: dict[str, float] = {"extract": 0.0, "match": 0.0}
+
+    def match(self, image: GreyImage, stamp_ns: int, window: SearchWindow) -> Outcome:
+        """Match one grey image (H, W) inside a window."""
+        started = time.perf_counter()
+        segments = extract_segments(image, self.camera, self.config.lines)
+        extracted = time.perf_counter()
+        outcome = self.match_segments(segments, stamp_ns, window)
+        matched = time.perf_counter()
+        self.timing_ms = {"extract": 1e3 * (extracted - started), "match": 1e3 * (matched - extracted)}
+        return outcome
+
+    def match_segments(self, segments: ImageSegments, stamp_ns: int, window: SearchWindow) -> Outcome:
+        """Match extracted segments inside a window: the paper's chain, from selection to verification."""
+        predicted = self._visible_from(window)
+        rows = np.unique(predicted.rows)
+        look = Look(
+            lines_px=segments.raw_px,
+            predicted_px=self._raw_pixels(predicted),
+            predicted_map=predicted.rows,
+            selected=len(rows),
+        )
+        if len(segments) < self.config.decision.min_matched:
+            return NoFix(Reason.TOO_FEW_SEGMENTS, look)
+        if len(rows) < self.config.decision.min_matched:
+            return NoFix(Reason.NOTHING_VISIBLE, look)
+        pairs = unary_correspondences(self.camera, self.wire_map, segments, predicted, window)
+        hypotheses = self._hypotheses(pairs, window)
+        look = replace(look, hypotheses=len(hypotheses))
+        starts = self._best_that_differ(hypotheses, segments, pairs, predicted)
+        refined = refine_poses(self.projector, starts, rows, segments, stamp_ns, self.config.refinement)
+        candidates = [candidate for candidate in refined if _within(candidate.belief.pose, window)]
+        if not candidates:
+            return NoFix(Reason.NO_HYPOTHESIS, look)
+        return decide(candidates, self._looked_at(candidates[0], look), self.config.decision)
+
+    def _visible_from(self, window: SearchWindow) -> Prediction:
+        """The segments that may be seen from the window, as they appear from its centre."""
+        margin = self.camera.focal_px * math.tan(min(window.dphi_rad, 1.0))
+        return self.projector.predict(window.centre, np.arange(len(self.wire_map)), margin)
+
+    def _hypotheses(self, pairs: Correspondences, window: SearchWindow) -> Array:
+        """Poses (H, 3) worth scoring; none where no pair is possible."""
+        if not len(pairs):
+            return np.zeros((0, 3))
+        config = self.config.hypotheses
+        couples = couple_hypotheses(self.camera, pairs, window, config)
+        return np.concatenate([couples, grid_hypotheses(window, config)])
+
+    def _best_that_differ(
+        self, poses: Array, segments: ImageSegments, pairs: Correspondences, predicted: Prediction
+    ) -> list[Pose2]:
+        """The best hypotheses by quick score, each at some distance from all better ones."""
+        kernel = self.config.kernel_px
+        scores = quick_scores(self.camera, self.wire_map, segments, pairs, predicted, poses, kernel)
+        chosen = np.zeros((0, 3))
+        for pose in poses[np.argsort(-scores, kind="stable")]:
+            away = chosen - pose
+            near = np.hypot(away[:, 0], away[:, 1]) < self.config.apart_m
+            near &= np.abs(wrap_angle(away[:, 2])) < self.config.apart_rad
+            if not near.any():
+                chosen = np.vstack([chosen, pose])
+            if len(chosen) == self.config.refined:
+                break
+        return [Pose2.from_array(pose) for pose in chosen]
+
+    def _looked_at(self, candidate: Candidate, look: Look) -> Look:
+        """The look with what the best candidate predicts and pairs."""
+        predicted, matches = candidate.predicted, candidate.matches
+        return replace(
+            look,
+            predicted_px=self._raw_pixels(predicted),
+            predicted_map=predicted.rows,
+            matched_map=predicted.rows[matches.pieces],
+            matched_image=matches.lines,
+            residuals_px=matches.rms_px,
+            score=candidate.score,
+        )
+
+    def _raw_pixels(self, predicted: Prediction) -> Array:
+        normalised = predicted.ideal_px.reshape(-1, 2) / self.camera.focal_px
+        return self.camera.distort(normalised).reshape(-1, 2, 2)
+
+
+def _within(pose: Pose2, window: SearchWindow) -> bool:
+    away = pose.minus(window.centre)
+    return math.hypot(away[0], away[1]) <= window.dt_m and abs(away[2]) <= window.dphi_rad
