@@ -1,0 +1,49 @@
+"""What became of a look at the world: the verdicts of localization, counted by the evaluation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from maps.outcomes import Reason
+
+
+class Refusal(StrEnum):
+    """Why a fix was not fused."""
+
+    GATE = "GATE"
+    TOO_OLD = "TOO_OLD"
+    TOO_NEW = "TOO_NEW"
+
+
+class Unused(StrEnum):
+    """Why a look that found something could not be fused."""
+
+    AMBIGUOUS = "AMBIGUOUS"
+    HEADING_UNKNOWN = "HEADING_UNKNOWN"
+    POSITION_UNKNOWN = "POSITION_UNKNOWN"
+
+
+@dataclass(frozen=True, slots=True)
+class Fused:
+    """The fix went into the belief; `nis`: its normalized innovation squared."""
+
+    nis: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """The fix was refused; `nis` where it was compared with the belief."""
+
+    reason: Refusal
+    nis: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Missed:
+    """There was no fix to fuse."""
+
+    reason: Reason | Unused
+
+
+Verdict = Fused | Rejected | Missed
