@@ -1,0 +1,45 @@
+"""One colour for each layer of a run, the same in recordings, plots and reports.
+
+The hues are Okabe and Ito's, told apart by colour-blind readers, and each of them shows on a dark and
+on a light background.
+"""
+
+from __future__ import annotations
+
+TRUTH = "#8c8c8c"
+ODOMETRY = "#e69f00"
+VISION = "#56b4e9"
+FILTERED = "#0a84d6"
+SMOOTHED = "#009e73"
+REJECTED = "#d55e00"
+AMBIGUOUS = "#cc79a7"
+IMAGE_LINE = "#d8d8d8"
+
+#: A trajectory's name, its colour and what people call it, in the order of every table and legend.
+TRACKS = {
+    "odometry": (ODOMETRY, "odometry"),
+    "vision": (VISION, "raw vision"),
+    "filtered": (FILTERED, "filtered"),
+    "smoothed": (SMOOTHED, "smoothed"),
+}
+
+#: The three states and their colours.
+STATES = {"TRACKING": FILTERED, "UNCERTAIN": ODOMETRY, "LOST": REJECTED}
+
+#: Kinds of map segments take these in alphabetical order, pale: they are what the rest lies upon.
+KINDS = ("#b9b2a4", "#9fb8c8", "#b7a6c9", "#a8c3a0", "#c9a9a0", "#c8c39a", "#9fc4bd", "#b5b5b5")
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Return `#rrggbb` as three bytes."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def rgba(colour: str, opacity: float) -> tuple[int, int, int, int]:
+    """Return `#rrggbb` as four bytes, with an opacity of 0 to 1."""
+    return *rgb(colour), round(255 * opacity)
+
+
+def kind_colours(kinds: tuple[str, ...]) -> dict[str, str]:
+    """Return a colour for each kind of map segment; the same set of kinds always looks the same."""
+    return {kind: KINDS[index % len(KINDS)] for index, kind in enumerate(sorted(set(kinds)))}

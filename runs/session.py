@@ -1,0 +1,236 @@
+"""A session folder: everything a robot recorded on one drive, as one stream of events.
+
+The ground truth is not among it: nothing here opens those files.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass
+from operator import itemgetter
+from pathlib import Path, PurePath
+
+import numpy as np
+
+from localization.odometry import OdometryNoise, OdometryStep, WheelGeometry, twist_step, wheel_step
+from maps.errors import InputError
+from maps.mapfile import read_map
+from maps.outcomes import Fix, PoseBelief
+from maps.poses import Array, Pose2, frozen
+from maps.wiremap import WireMap
+from runs.robot import Robot, read_robot
+from runs.tables import Times, read_table
+from vision.camera import Camera
+
+WHEEL_COLUMNS = ("left_wheel_rad", "right_wheel_rad")
+TWIST_COLUMNS = ("forward_mps", "turn_radps")
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """An image as recorded: its capture time on odometry's clock, and when it reached the computer."""
+
+    stamp_ns: int
+    arrival_ns: int
+    filename: str
+    path: Path
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedFix:
+    """An absolute fix recorded by something else, to be fused as it is."""
+
+    stamp_ns: int
+    arrival_ns: int
+    fix: Fix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Odometry:
+    """What odometry recorded: cumulative wheel angles, or twists that each hold until the next row.
+
+    `stamps_ns`, `arrivals_ns`: (N,). `values`: (N, 2), left and right [rad], or forward [m/s] and turn
+    [rad/s] where `wheels` is None.
+    """
+
+    stamps_ns: Times
+    arrivals_ns: Times
+    values: Array
+    wheels: WheelGeometry | None
+
+    def steps(self, noise: OdometryNoise) -> Iterator[tuple[int, OdometryStep]]:
+        """Yield the motion between consecutive rows with its arrival: that of its later row.
+
+        Steps come in order: one that is ready waits for those before it.
+        """
+        arrivals = np.maximum.accumulate(self.arrivals_ns).tolist()
+        stamps, values = self.stamps_ns.tolist(), self.values.tolist()
+        for row in range(1, len(stamps)):
+            start_ns, stamp_ns = stamps[row - 1], stamps[row]
+            if self.wheels is None:
+                forward_mps, turn_radps = values[row - 1]
+                step = twist_step(start_ns, stamp_ns, forward_mps, turn_radps, noise)
+            else:
+                left_rad, right_rad = (
+                    now - before for now, before in zip(values[row], values[row - 1], strict=True)
+                )
+                step = wheel_step(start_ns, stamp_ns, left_rad, right_rad, self.wheels, noise)
+            yield arrivals[row], step
+
+
+Event = OdometryStep | Frame | RecordedFix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Session:
+    """One drive: robot, map, odometry, frames and fixes in the order of their rows.
+
+    `start_ns` is the first event's stamp and `initial` the belief there, None where nobody knows.
+    `wire_map` and `map_path` may be None where there are no images to match.
+    """
+
+    name: str
+    folder: Path
+    robot: Robot
+    wire_map: WireMap | None
+    map_path: Path | None
+    odometry: Odometry
+    frames: tuple[Frame, ...]
+    fixes: tuple[RecordedFix, ...]
+    start_ns: int
+    initial: PoseBelief | None
+
+    @property
+    def camera(self) -> Camera | None:
+        """The robot's camera."""
+        return self.robot.camera
+
+    def events(self, noise: OdometryNoise) -> Iterator[Event]:
+        """Yield one stream ordered by arrival; of what arrives together, odometry comes first.
+
+        Frames and fixes that arrive together come by stamp, then by row. Before odometry's first row
+        the robot is taken to stand still.
+        """
+        looks: list[Frame | RecordedFix] = [*self.frames, *self.fixes]
+        looks.sort(key=lambda look: (look.arrival_ns, look.stamp_ns))
+        arriving: list[tuple[int, Event]] = [(look.arrival_ns, look) for look in looks]
+        merged = heapq.merge(self._steps(noise), arriving, key=itemgetter(0))
+        return (event for _, event in merged)
+
+    def _steps(self, noise: OdometryNoise) -> Iterator[tuple[int, Event]]:
+        first_ns = int(self.odometry.stamps_ns[0])
+        if self.start_ns < first_ns:
+            still = twist_step(self.start_ns, first_ns, 0.0, 0.0, noise)
+            yield int(self.odometry.arrivals_ns[0]), still
+        yield from self.odometry.steps(noise)
+
+
+def read_session(folder: Path, map_path: Path | None = None) -> Session:
+    """Read a session folder; the map is `map_path`, or map.yaml in the folder or one folder up.
+
+    InputError names the file, and the line or key, of what is missing or cannot be.
+    """
+    if not folder.is_dir():
+        raise InputError(folder, "", "no such session folder")
+    robot = read_robot(folder / "robot.yaml")
+    odometry = _read_odometry(folder / "odometry.csv", robot)
+    frames = _read_frames(folder, robot) if (folder / "frames.csv").exists() else ()
+    fixes = _read_fixes(folder / "fixes.csv") if (folder / "fixes.csv").exists() else ()
+    if not frames and not fixes:
+        raise InputError(folder, "", "neither frames.csv nor fixes.csv: nothing to localize with")
+    if frames and robot.camera is None:
+        raise InputError(robot.path, "camera", "missing, and frames.csv lists images")
+    map_path = map_path or _find_map(folder)
+    if frames and map_path is None:
+        raise InputError(folder / "map.yaml", "", "no such file, nor one folder up; name one with --map")
+    stamps_ns = [look.stamp_ns for look in frames] + [look.stamp_ns for look in fixes]
+    start_ns = min(int(odometry.stamps_ns[0]), *stamps_ns)
+    return Session(
+        name=folder.resolve().name,
+        folder=folder,
+        robot=robot,
+        wire_map=read_map(map_path) if map_path else None,
+        map_path=map_path,
+        odometry=odometry,
+        frames=frames,
+        fixes=fixes,
+        start_ns=start_ns,
+        initial=robot.start.at(start_ns) if robot.start else None,
+    )
+
+
+def _find_map(folder: Path) -> Path | None:
+    places = (folder / "map.yaml", folder.resolve().parent / "map.yaml")
+    return next((path for path in places if path.is_file()), None)
+
+
+def _read_odometry(path: Path, robot: Robot) -> Odometry:
+    table = read_table(path)
+    stamps_ns = table.times()
+    if len(table) < 2:
+        raise InputError(path, "", "one row alone is no motion")
+    by_wheels = table.has(*WHEEL_COLUMNS)
+    if not by_wheels and not table.has(*TWIST_COLUMNS):
+        either = f"neither {', '.join(WHEEL_COLUMNS)} nor {', '.join(TWIST_COLUMNS)}"
+        raise InputError(path, "line 1", f"{either} among the columns")
+    if by_wheels and robot.wheels is None:
+        raise InputError(robot.path, "wheels", "missing, and odometry.csv has wheel angles")
+    columns = WHEEL_COLUMNS if by_wheels else TWIST_COLUMNS
+    values = frozen(np.column_stack([table.numbers(name) for name in columns]))
+    return Odometry(stamps_ns, table.arrivals(stamps_ns), values, robot.wheels if by_wheels else None)
+
+
+def _read_frames(folder: Path, robot: Robot) -> tuple[Frame, ...]:
+    table = read_table(folder / "frames.csv")
+    stamps_ns = table.times()
+    corrected_ns = stamps_ns + robot.time_offset_ns
+    arrivals_ns = table.arrivals(stamps_ns) if table.has("arrival_s") else corrected_ns
+    frames = []
+    for row, filename in enumerate(table.texts("filename")):
+        with table.naming(row, "filename"):
+            path = _image_path(folder, filename)
+        stamp_ns, arrival_ns = int(corrected_ns[row]), int(arrivals_ns[row])
+        # An image cannot arrive before it was taken, whatever the two clocks say.
+        frames.append(Frame(stamp_ns, max(arrival_ns, stamp_ns), filename, path))
+    return tuple(frames)
+
+
+def _image_path(folder: Path, filename: str) -> Path:
+    relative = PurePath(filename)
+    if not filename or relative.is_absolute() or ".." in relative.parts:
+        raise ValueError(f"{filename!r} is not a path inside the session folder")
+    path = folder / relative
+    if not path.is_file():
+        raise ValueError(f"{filename}: no such file")
+    return path
+
+
+def _read_fixes(path: Path) -> tuple[RecordedFix, ...]:
+    table = read_table(path)
+    stamps_ns = table.times(may_repeat=True)
+    arrivals_ns = table.arrivals(stamps_ns)
+    x_m, y_m = table.numbers("x_m"), table.numbers("y_m")
+    std_x_m, std_y_m = table.numbers("std_x_m"), table.numbers("std_y_m")
+    phi_rad = table.numbers("phi_rad", may_be_empty=True)
+    std_phi_rad = table.numbers("std_phi_rad", may_be_empty=True)
+    fixes = []
+    for row in range(len(table)):
+        with table.naming(row, "std"):
+            deviations = _deviations(std_x_m[row], std_y_m[row], phi_rad[row], std_phi_rad[row])
+        pose = Pose2(float(x_m[row]), float(y_m[row]), float(np.nan_to_num(phi_rad[row])))
+        belief = PoseBelief(int(stamps_ns[row]), pose, np.diag(deviations) ** 2)
+        fixes.append(RecordedFix(belief.stamp_ns, int(arrivals_ns[row]), Fix(belief)))
+    return tuple(fixes)
+
+
+def _deviations(std_x_m: float, std_y_m: float, phi_rad: float, std_phi_rad: float) -> Array:
+    """Return the standard deviations of (x, y, phi), (3,), infinite for a heading that is not there."""
+    if np.isnan(phi_rad) and not np.isnan(std_phi_rad):
+        raise ValueError("std_phi_rad without phi_rad")
+    if np.isnan(std_phi_rad) and not np.isnan(phi_rad):
+        raise ValueError("phi_rad without std_phi_rad")
+    deviations = np.array([std_x_m, std_y_m, np.inf if np.isnan(phi_rad) else std_phi_rad])
+    if not (deviations > 0.0).all():
+        raise ValueError("not above zero")
+    return deviations
