@@ -30,10 +30,11 @@ def navigate(session: Session, config: RunConfig, out: Path, progress: Progress)
 
     InputError, and no folder, where the input is bad; `out` must not hold anything yet.
     """
+    # Read before the run, so that a malformed truth is told at once; the run itself never sees it.
+    truth = read_truth(session.folder)
     with StagedFolder(out) as folder:
         with closing(RerunLog(folder / "run.rrd")) as recording:
             result = run_session(session, config, LogGroup((FileLog(folder), recording)), progress)
-            truth = read_truth(session.folder)
             if truth is not None:
                 recording.truth(truth)
                 write_tum(folder / "truth.tum", truth)

@@ -147,9 +147,11 @@ def _figure(height_in: float) -> Figure:
 
 
 def _all_errors(run: RunFolder) -> dict[str, TrackErrors]:
-    """Errors of each trajectory against the run's reference, which is not compared with itself."""
-    names = [name for name, track in run.tracks.items() if track is not run.reference]
-    return {name: errors(run.tracks[name], run.reference) for name in names}
+    """Errors of whole fixes and of each trajectory but the reference, which is not compared with itself."""
+    tracks = run.tracks | {"vision": run.whole_fixes}
+    return {
+        name: errors(track, run.reference) for name, track in tracks.items() if track is not run.reference
+    }
 
 
 def _values(found: TrackErrors, quantity: str) -> Array:
