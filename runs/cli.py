@@ -24,7 +24,6 @@ from rich.table import Table
 from maps.errors import InputError, WirelocError
 
 if TYPE_CHECKING:
-    from runs import compare as comparison
     from runs import runner
     from runs.session import Session
 
@@ -144,7 +143,7 @@ def compare_runs(
     for name, rows in groupby(compared.rows, key=lambda row: row.run):
         console.print(name, soft_wrap=True, highlight=False, markup=False)
         console.print(
-            _error_table((row.track, _figures(row.position_m), _figures(row.heading_deg)) for row in rows)
+            _error_table((row.track, asdict(row.position_m), asdict(row.heading_deg)) for row in rows)
         )
     console.print(str(compared.folder), soft_wrap=True, highlight=False, markup=False)
 
@@ -222,11 +221,7 @@ def _print_result(metrics: dict[str, Any], folder: Path) -> None:
     console.print(f"wireloc view {folder}", soft_wrap=True, highlight=False, markup=False)
 
 
-def _figures(spread: comparison.Spread | None) -> Spread | None:
-    return asdict(spread) if spread else None
-
-
-def _error_table(rows: Iterable[tuple[str, Spread | None, Spread | None]]) -> Table:
+def _error_table(rows: Iterable[tuple[str, Spread, Spread]]) -> Table:
     """Lay out rows of a name, position errors [m] and heading errors [deg]."""
     figures = ("median", "p95", "max", "rmse")
     table = Table("error", "", box=SIMPLE_HEAD)
@@ -234,6 +229,6 @@ def _error_table(rows: Iterable[tuple[str, Spread | None, Spread | None]]) -> Ta
         table.add_column(figure, justify="right")
     for name, position_m, heading_deg in rows:
         for label, unit, spread in ((name, "m", position_m), ("", "deg", heading_deg)):
-            values = [(spread or {}).get(figure) for figure in figures]
+            values = [spread[figure] for figure in figures]
             table.add_row(label, unit, *("-" if value is None else f"{value:.3f}" for value in values))
     return table

@@ -10,37 +10,26 @@ from pathlib import Path
 import numpy as np
 
 from maps.errors import InputError
-from maps.poses import Array
 from runs.folder import RunFolder, read_run
 from runs.page import STATISTICS, note, number, page, table
 from runs.palette import TRACKS
 from runs.plots import cumulative, plan, png, svg
-from runs.tracks import errors
-
-
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """How errors are distributed: median, 95th percentile, largest, root mean square."""
-
-    median: float
-    p95: float
-    max: float
-    rmse: float
+from runs.tracks import Spread, errors_of, spread
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
     """One trajectory of one run against its reference, `truth` or `smoothed`.
 
-    `poses`: how many there are. `position_m`, `heading_deg`: None where no pose can be compared.
+    `poses`: how many there are. `position_m`, `heading_deg`: their errors.
     """
 
     run: str
     track: str
     reference: str
     poses: int
-    position_m: Spread | None
-    heading_deg: Spread | None
+    position_m: Spread
+    heading_deg: Spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,30 +59,17 @@ def rows_of(run: RunFolder) -> list[Row]:
     return [_row(run, name) for name in TRACKS]
 
 
-def spread(values: Array) -> Spread | None:
-    """Summarize errors, leaving out those that are not known (NaN); None where none is."""
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return None
-    return Spread(
-        median=float(np.median(known)),
-        p95=float(np.percentile(known, 95.0)),
-        max=float(known.max()),
-        rmse=float(np.sqrt(np.mean(known**2))),
-    )
-
-
 def _row(run: RunFolder, name: str) -> Row:
     track = run.whole_fixes if name == "vision" else run.tracks[name]
     itself = track is run.reference
-    found = errors(track, run.reference)
+    found = errors_of(track, run.reference)
     return Row(
         run=run.name,
         track=name,
         reference=run.reference_name,
         poses=len(track),
-        position_m=None if itself else spread(found.position_m),
-        heading_deg=None if itself else spread(np.degrees(found.heading_rad)),
+        position_m=Spread() if itself else spread(found.position_m),
+        heading_deg=Spread() if itself else spread(np.degrees(found.heading_rad)),
     )
 
 
@@ -128,8 +104,8 @@ def _label(row: Row, several: bool) -> str:
     return f"{row.run}: {label}" if several else label
 
 
-def _cells(found: Spread | None, digits: int) -> list[str]:
-    return [number(getattr(found, name, None), digits=digits) for name in STATISTICS]
+def _cells(found: Spread, digits: int) -> list[str]:
+    return [number(getattr(found, name), digits=digits) for name in STATISTICS]
 
 
 def _note(rows: Sequence[Row]) -> str:

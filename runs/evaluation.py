@@ -5,24 +5,20 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from localization.window import State
 from maps.outcomes import Fix
-from maps.poses import Array, wrap_angle
 from runs.runlog import StepRecord, Trajectory
 from runs.runner import RunResult, StateSpan
 from runs.session import Session
 from runs.tables import read_table
-from runs.tracks import headings_known, interpolate
-
-Flags = NDArray[np.bool_]
+from runs.tracks import Errors, Flags, errors_of, spread
 
 #: A whole fix is wrong beyond these; a tracked pose is wrong beyond the other two.
 WRONG_FIX_M, WRONG_FIX_RAD = 0.30, math.radians(5.0)
@@ -31,53 +27,6 @@ WRONG_POSE_M, WRONG_POSE_RAD = 0.50, math.radians(10.0)
 PARTIAL_PROBABILITY = 0.999
 #: A frame is observable when the image supports at least so many map edges at the true pose.
 OBSERVABLE_EDGES = 5
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Errors:
-    """Estimates less truth at the same stamps: `difference` (N, 3) in x, y [m], phi [rad].
-
-    NaN where the truth is not known: outside its range of time, or without headings. `covariances`:
-    (N, 3, 3) of the estimates, or None.
-    """
-
-    difference: Array
-    covariances: Array | None
-
-    @property
-    def position_m(self) -> Array:
-        """Distances from the truth, (N,)."""
-        return np.hypot(self.difference[:, 0], self.difference[:, 1])
-
-    @property
-    def heading_rad(self) -> Array:
-        """How far headings are off, not negative, (N,)."""
-        return np.abs(self.difference[:, 2])
-
-    def nees(self) -> tuple[Array, Array]:
-        """Return the normalized squared error of what is measured and known, and its dimension, (N,)."""
-        count = len(self.difference)
-        squared, dimensions = np.full(count, np.nan), np.zeros(count)
-        if self.covariances is None:
-            return squared, dimensions
-        measured = np.isfinite(np.diagonal(self.covariances, axis1=1, axis2=2))
-        known = np.isfinite(self.difference) & measured
-        position, heading = known[:, :2].all(axis=1), known[:, 2]
-        for rows, size in ((position & heading, 3), (position & ~heading, 2)):
-            error, sigma = self.difference[rows, :size], self.covariances[rows, :size, :size]
-            weighted = np.linalg.solve(sigma, error[:, :, None])[:, :, 0]
-            squared[rows], dimensions[rows] = (error * weighted).sum(axis=1), size
-        return squared, dimensions
-
-    def anees(self) -> float | None:
-        """Return the mean of error squared over dimension, 1 where the covariance is honest."""
-        squared, dimensions = self.nees()
-        judged = np.isfinite(squared)
-        return float(np.mean(squared[judged] / dimensions[judged])) if judged.any() else None
-
-    def only(self, rows: Flags) -> Errors:
-        """Return the errors of some rows."""
-        return Errors(self.difference[rows], None if self.covariances is None else self.covariances[rows])
 
 
 def read_truth(folder: Path) -> Trajectory | None:
@@ -93,15 +42,6 @@ def read_truth(folder: Path) -> Trajectory | None:
     phi = table.numbers("phi_rad", may_be_empty=True)
     poses = np.column_stack([table.numbers("x_m"), table.numbers("y_m"), phi])
     return Trajectory(table.times(may_repeat=True), poses)
-
-
-def errors_of(track: Trajectory, truth: Trajectory | None) -> Errors:
-    """Compare a trajectory with the truth at the trajectory's stamps; without one nothing is known."""
-    if truth is None:
-        return Errors(np.full((len(track), 3), np.nan), track.covariances)
-    difference = headings_known(track) - interpolate(track.stamps_ns, truth)
-    difference[:, 2] = wrap_angle(difference[:, 2])
-    return Errors(difference, track.covariances)
 
 
 def evaluate(session: Session, result: RunResult, truth: Trajectory | None) -> dict[str, Any]:
@@ -210,25 +150,12 @@ def _timing(result: RunResult) -> dict[str, Any]:
 
 
 def _typical(values: Iterable[float]) -> dict[str, float | None]:
-    spread = _spread(np.array(list(values)))
-    return {"median": spread["median"], "p95": spread["p95"]}
+    found = spread(np.array(list(values)))
+    return {"median": found.median, "p95": found.p95}
 
 
 def _spreads(errors: Errors) -> dict[str, Any]:
     return {
-        "position_error_m": _spread(errors.position_m),
-        "heading_error_deg": _spread(np.degrees(errors.heading_rad)),
-    }
-
-
-def _spread(values: Array) -> dict[str, float | None]:
-    """Return median, 95th percentile, maximum and root mean square of what is known."""
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return {"median": None, "p95": None, "max": None, "rmse": None}
-    return {
-        "median": float(np.median(known)),
-        "p95": float(np.percentile(known, 95)),
-        "max": float(known.max()),
-        "rmse": float(np.sqrt(np.mean(known**2))),
+        "position_error_m": asdict(spread(errors.position_m)),
+        "heading_error_deg": asdict(spread(np.degrees(errors.heading_rad))),
     }

@@ -22,7 +22,7 @@ from runs.folder import RunFolder, Step, fix_covariance
 from runs.palette import REJECTED, TRACKS, TRUTH, VISION
 from runs.shapes import ellipse, floor_rings
 from runs.timelines import ACCEPTED
-from runs.tracks import TrackErrors, errors
+from runs.tracks import Errors, errors_of
 
 #: Narrow enough for a phone, where a wider figure's text would shrink beyond reading.
 WIDTH_IN = 5.0
@@ -78,9 +78,9 @@ def errors_over_time(run: RunFolder) -> Figure:
     figure = _figure(5.6)
     panels = figure.subplots(2, 1, sharex=True)
     for axes, (quantity, (smallest, largest)) in zip(panels, SCALES.items(), strict=True):
-        for name, found in _all_errors(run).items():
+        for name, (seconds, found) in _all_errors(run).items():
             colour, label = TRACKS[name]
-            seconds, values = found.seconds, _values(found, quantity)
+            values = _values(found, quantity)
             style: Any = {"linestyle": "none", "marker": "."}
             if name != "vision":
                 seconds, values = _crests(seconds, values)
@@ -103,7 +103,7 @@ def cumulative(runs: Sequence[RunFolder]) -> Figure:
     figure = _figure(3.4)
     panels = figure.subplots(1, 2, sharey=True)
     for run, dashes in zip(runs, cycle(("-", "--", ":", "-.")), strict=False):
-        for name, found in _all_errors(run).items():
+        for name, (_, found) in _all_errors(run).items():
             colour, label = TRACKS[name]
             for axes, quantity in zip(panels, SCALES, strict=True):
                 values = _values(found, quantity)
@@ -146,15 +146,17 @@ def _figure(height_in: float) -> Figure:
     return figure
 
 
-def _all_errors(run: RunFolder) -> dict[str, TrackErrors]:
-    """Errors of whole fixes and of each trajectory but the reference, which is not compared with itself."""
+def _all_errors(run: RunFolder) -> dict[str, tuple[Array, Errors]]:
+    """Times and errors of whole fixes and of each trajectory; a reference is not compared with itself."""
     tracks = run.tracks | {"vision": run.whole_fixes}
     return {
-        name: errors(track, run.reference) for name, track in tracks.items() if track is not run.reference
+        name: (track.stamps_ns / 1e9, errors_of(track, run.reference))
+        for name, track in tracks.items()
+        if track is not run.reference
     }
 
 
-def _values(found: TrackErrors, quantity: str) -> Array:
+def _values(found: Errors, quantity: str) -> Array:
     return found.position_m if quantity == POSITION else np.degrees(found.heading_rad)
 
 

@@ -28,7 +28,7 @@ from runs.runlog import StepRecord, Trajectories, Trajectory
 from runs.scene import LIFT_M, log_body, log_camera, log_fix, log_image, log_look, log_map, log_window
 from runs.session import Frame, Session
 from runs.timelines import ACCEPTED, log_decision, log_step_plots, style_plots
-from runs.tracks import errors
+from runs.tracks import errors_of
 
 #: What is logged reaches the file within two of these; shorter ones make small chunks, each with a
 #: kilobyte of overhead.
@@ -123,7 +123,7 @@ class RerunLog:
         """Log the true track and the errors of all the others; headings may be NaN."""
         line = rr.LineStrips3D([_on_floor(truth)], colors=rgb(TRUTH), radii=rr.Radius.ui_points(1.0))
         self._recording.log("world/tracks/truth", line, static=True)
-        found = {name: errors(track, truth) for name, track in self._trajectories.items()}
+        found = {name: errors_of(track, truth) for name, track in self._trajectories.items()}
         for name, error in found.items():
             stamps_ns = self._trajectories[name].stamps_ns
             self._write_series(f"position/{name}", stamps_ns, error.position_m)

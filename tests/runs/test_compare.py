@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from maps.errors import InputError
-from runs.compare import compare, rows_of, spread
+from runs.compare import compare, rows_of
 from runs.folder import read_run, to_ns
 from runs.runlog import COLUMNS, Trajectory
-from runs.tracks import errors, interpolate
+from runs.tracks import Spread, errors_of, interpolate, spread
 
 
 def write_tum(path, rows):
@@ -73,12 +73,12 @@ def test_without_truth_the_smoothed_track_is_the_reference_and_says_so(tmp_path)
     rows = by_track(write_run(tmp_path / "run", truth=False))
     assert {row.reference for row in rows.values()} == {"smoothed"}
     assert rows["odometry"].position_m.median == pytest.approx(0.38)
-    assert rows["smoothed"].position_m is None
+    assert rows["smoothed"].position_m == Spread()
 
 
 def test_truth_without_headings_gives_no_heading_errors(tmp_path):
     rows = by_track(write_run(tmp_path / "run", blind_truth=True))
-    assert rows["filtered"].heading_deg is None
+    assert rows["filtered"].heading_deg == Spread()
     assert rows["filtered"].position_m.median == pytest.approx(0.05)
 
 
@@ -145,7 +145,7 @@ def test_run_read_back_from_a_real_one(tmp_path, toy, wireloc):
 
 
 def test_spread_leaves_out_what_is_not_known():
-    assert spread(np.array([np.nan, np.nan])) is None
+    assert spread(np.array([np.nan, np.nan])).rmse is None
     found = spread(np.array([1.0, np.nan, 3.0]))
     assert (found.median, found.max) == (2.0, 3.0)
     assert found.rmse == pytest.approx(math.sqrt(5.0))
@@ -170,7 +170,7 @@ def test_interpolation_goes_the_short_way_and_not_beyond():
 def test_infinite_heading_variance_is_no_heading():
     covariances = np.array([np.diag([1.0, 1.0, np.inf])])
     track = Trajectory(np.array([0]), np.zeros((1, 3)), covariances)
-    found = errors(track, Trajectory(np.array([0, 1]), np.zeros((2, 3))))
+    found = errors_of(track, Trajectory(np.array([0, 1]), np.zeros((2, 3))))
     assert found.position_m.tolist() == [0.0]
     assert np.isnan(found.heading_rad).all()
 

@@ -11,10 +11,11 @@ from localization.window import State
 from maps.outcomes import Fix, PoseBelief
 from maps.poses import Pose2
 from runs.config import RunConfig
-from runs.evaluation import errors_of, evaluate, read_truth
+from runs.evaluation import evaluate, read_truth
 from runs.runlog import NullLog, Trajectory
 from runs.runner import RunResult, StateSpan, run_session
 from runs.session import RecordedFix, read_session
+from runs.tracks import errors_of
 
 TRUTH = Trajectory(np.array([0, 1_000_000_000]), np.array([[0.0, 0.0, 3.0], [2.0, 0.0, -3.0]]))
 

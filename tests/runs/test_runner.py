@@ -9,11 +9,12 @@ from maps.errors import InputError
 from maps.outcomes import Fix, NoFix, PoseBelief, Reason
 from maps.poses import Pose2
 from runs.config import RunConfig
-from runs.evaluation import errors_of, read_truth
+from runs.evaluation import read_truth
 from runs.results import FileLog
 from runs.runlog import COLUMNS, NullLog
 from runs.runner import run_session, starting_belief
 from runs.session import read_session
+from runs.tracks import errors_of
 
 CONFIG = RunConfig()
 TIMING = [COLUMNS.index(name) for name in ("extract_ms", "match_ms", "update_ms")]
