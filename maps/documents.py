@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,9 +12,10 @@ from maps.errors import InputError
 
 #: Larger than any map that a person or an importer writes; smaller than what would hurt.
 MAX_BYTES = 64 * 2**20
+#: Deeper than anything that is meant.
+MAX_DEPTH = 50
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_MAYBE_ALIAS = re.compile(r"(?:^|[\s\[{,:-])\*\w", re.MULTILINE)
 
 T = TypeVar("T")
 
@@ -37,15 +37,12 @@ def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
 def read_yaml(path: Path) -> dict[str, Any]:
     """Return a YAML file's mapping; InputError names the line of what cannot be read.
 
-    Only plain data is built. Aliases are refused: a few lines of them can stand for gigabytes.
+    Only plain data is built. Aliases are refused: a few lines of them can stand for gigabytes. So
+    are tags and endless nesting, at which the loader itself falls over.
     """
     text = read_text(path)
     try:
-        if _MAYBE_ALIAS.search(text):
-            for event in yaml.parse(text, Loader=_Loader):
-                if isinstance(event, yaml.AliasEvent):
-                    mark: Any = event.start_mark
-                    raise InputError(path, f"line {mark.line + 1}", "YAML aliases are not supported")
+        _refuse_tricks(text, path)
         content = yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
@@ -56,6 +53,22 @@ def read_yaml(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise InputError(path, "", "expected keys and values")
     return content
+
+
+def _refuse_tricks(text: str, path: Path) -> None:
+    depth = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if isinstance(event, yaml.AliasEvent):
+            what = "YAML aliases are not supported"
+        elif getattr(event, "tag", None):
+            what = "YAML tags are not supported"
+        elif depth > MAX_DEPTH:
+            what = "nested too deeply"
+        else:
+            continue
+        mark: Any = event.start_mark
+        raise InputError(path, f"line {mark.line + 1}", what)
 
 
 def checked(model: type[T], content: Any, path: Path | str) -> T:

@@ -12,12 +12,14 @@ from maps.poses import Array
 
 #: How far into the floor an edge's end points are moved for sight lines; skirtings, linings and window
 #: recesses keep their edges within a few centimetres of the wall they belong to.
-SIGHT_MARGIN_M = 0.03
+SIGHT_MARGIN_M = 0.04
 
 
 def merged_floor(polygons: list[Polygon]) -> MultiPolygon:
     """Return the union of the polygons as one MultiPolygon, outer rings counter-clockwise."""
-    union = unary_union([shapely.make_valid(polygon) for polygon in polygons])
+    # A ring that collapsed to a line has no inside, and its holes nothing to be cut from.
+    areas = [polygon for polygon in polygons if polygon.convex_hull.area > 0.0]
+    union = unary_union([shapely.make_valid(polygon) for polygon in areas])
     parts = [part for part in shapely.get_parts(union) if isinstance(part, Polygon)]
     return MultiPolygon([orient(part) for part in parts if part.area > 0.0])
 
@@ -39,9 +41,9 @@ def walls_of(floor: MultiPolygon, low_obstacles: list[tuple[Polygon, float]]) ->
     return walls, tops
 
 
-def into_floor(floor: MultiPolygon, points: Array) -> Array:
-    """Return the points (N, 2) moved to the nearest place at least SIGHT_MARGIN_M inside the floor."""
-    inner = floor.buffer(-SIGHT_MARGIN_M)
+def into_floor(floor: MultiPolygon, points: Array, margin_m: float = SIGHT_MARGIN_M) -> Array:
+    """Return the points (N, 2) moved to the nearest place at least `margin_m` inside the floor."""
+    inner = floor.buffer(-margin_m)
     target = floor if inner.is_empty else inner
     nearest = shapely.shortest_line(target, shapely.points(points))
     return np.asarray(shapely.get_coordinates(shapely.get_point(nearest, 0)), np.float64)

@@ -81,11 +81,12 @@ def unary_correspondences(
     points = wire_map.endpoints[rows].mean(axis=1)
 
     vertical = np.hypot(direction[:, 0], direction[:, 1]) < _VERTICAL_COSINE
-    phi, phi_ok = _heading_test(normals, direction, noise, camera.mount.yaw_rad, window)
-    phi_used = np.where(vertical, window.centre.phi, phi)
     upright = np.abs(normals[:, 2]) <= SIGMAS * noise
-    near = _line_meets_disc(camera, normals, points, phi_used, noise, vertical, window)
-    keep = np.where(vertical, upright, phi_ok) & near
+    keep, phi = np.zeros(len(rows), bool), np.full(len(rows), window.centre.phi)
+    for root, phi_ok in _heading_test(normals, direction, noise, camera.mount.yaw_rad, window):
+        phi = np.where(keep | vertical, phi, root)
+        near = _line_meets_disc(camera, normals, points, phi, noise, vertical, window)
+        keep |= np.where(vertical, upright, phi_ok) & near
     found = Correspondences(
         rows[keep], line[keep], np.where(vertical, np.nan, phi)[keep], normals[keep], points[keep]
     )
@@ -97,7 +98,11 @@ def _within_reach(
 ) -> NDArray[np.bool_]:
     """Whether the window can bring each piece over each line's middle, with like slopes: (P, M)."""
     depth = np.maximum(predicted.depths_m.min(axis=1), window.dt_m + 0.5)
-    shift = camera.focal_px * (1.2 * window.dphi_rad + window.dt_m / (depth - window.dt_m)) + 10.0
+    farthest = predicted.depths_m.max(axis=1)
+    # A turn moves the rim of a wide image much farther than its middle.
+    rim = 1.0 + ((predicted.ideal_px / camera.focal_px) ** 2).sum(axis=2).max(axis=1)
+    turn = np.maximum(rim, 1.2) * window.dphi_rad
+    shift = camera.focal_px * (turn + window.dt_m / (depth - window.dt_m)) + 10.0
     start, end = predicted.ideal_px[:, 0], predicted.ideal_px[:, 1]
     along = (end - start) / predicted.lengths_px[:, None]
     offset = segments.ideal_px.mean(axis=1)[None] - start[:, None]
@@ -107,8 +112,11 @@ def _within_reach(
     direction = segments.ideal_px[:, 1] - segments.ideal_px[:, 0]
     direction = direction / segments.lengths_px[:, None]
     cosine = np.abs(along @ direction.T)
-    # The image slope of an edge changes with depth as well as with heading: twice the heading is ample.
-    slack = np.minimum(np.radians(10.0) + 2.0 * window.dphi_rad + window.dt_m / depth, np.pi / 2)
+    # A step moves the near end farther than the far end, and so turns the image of an edge; a turn of the
+    # robot does, too, off the middle of the image: twice the heading is ample.
+    parallax = camera.focal_px * window.dt_m * (1.0 / depth - 1.0 / np.maximum(farthest, depth))
+    turned = np.arctan2(parallax, predicted.lengths_px)
+    slack = np.minimum(np.radians(10.0) + 2.0 * window.dphi_rad + turned, np.pi / 2)
     result: NDArray[np.bool_] = (np.hypot(across, beyond) <= shift[:, None]) & (
         cosine >= np.cos(slack)[:, None]
     )
@@ -125,8 +133,8 @@ def _angular_noise(camera: Camera, segments: ImageSegments) -> Array:
 
 def _heading_test(
     normals: Array, direction: Array, noise: Array, yaw: float, window: SearchWindow
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Equation (2.a): the root nearest the window's heading (C,), and whether it lies in the window."""
+) -> list[tuple[Array, NDArray[np.bool_]]]:
+    """Equation (2.a): its two roots (C,), that nearer to the window's heading first; whether inside."""
     a = (normals[:, :2] * direction[:, :2]).sum(axis=1)
     b = normals[:, 0] * direction[:, 1] - normals[:, 1] * direction[:, 0]
     c = normals[:, 2] * direction[:, 2]
@@ -134,13 +142,13 @@ def _heading_test(
     spread = np.arccos(np.clip(-c / r, -1.0, 1.0))
     roots = np.arctan2(b, a)[:, None] + spread[:, None] * [1.0, -1.0] - yaw
     away = wrap_angle(roots - window.centre.phi)
-    nearest = np.abs(away).argmin(axis=1)[:, None]
-    away = np.take_along_axis(away, nearest, axis=1)[:, 0]
+    away = np.take_along_axis(away, np.abs(away).argsort(axis=1), axis=1).T
     # d(2.a)/dpsi at a root is r sin(spread): small for lines near the horizon, which say little.
     tolerance = SIGMAS * noise / np.maximum(r * np.abs(np.sin(spread)), 1e-3)
     real = np.abs(c) <= r + SIGMAS * noise
     clipped = np.clip(away, -window.dphi_rad, window.dphi_rad)
-    return wrap_angle(window.centre.phi + clipped), real & (np.abs(away - clipped) <= tolerance)
+    inside = real & (np.abs(away - clipped) <= tolerance)
+    return list(zip(wrap_angle(window.centre.phi + clipped), inside, strict=True))
 
 
 def position_lines(camera: Camera, normals: Array, points: Array, phi: Array) -> tuple[Array, Array]:

@@ -20,8 +20,8 @@ class DecisionConfig:
     min_score: float = 15.0
     min_matched: int = 6
     #: Poses this near each other are one place; their spread goes into the covariance.
-    same_place_m: float = 0.15
-    same_place_rad: float = math.radians(2.5)
+    same_place_m: float = 0.30
+    same_place_rad: float = math.radians(5.0)
     #: Other places with more than this share of the odds make the image ambiguous.
     max_rival_odds: float = 0.01
     #: The looks at an image are not independent: log-odds between poses are divided by this.

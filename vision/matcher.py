@@ -12,7 +12,7 @@ from maps.outcomes import Look, NoFix, Outcome, Reason, SearchWindow
 from maps.poses import Array, Pose2, wrap_angle
 from maps.wiremap import WireMap
 from vision.camera import Camera
-from vision.constraints import Correspondences, unary_correspondences
+from vision.constraints import unary_correspondences
 from vision.decision import DecisionConfig, decide
 from vision.hypotheses import HypothesisConfig, couple_hypotheses, grid_hypotheses
 from vision.images import GreyImage
@@ -20,6 +20,9 @@ from vision.lines import ImageSegments, LineConfig, extract_segments
 from vision.projection import Prediction, Projector
 from vision.refinement import Candidate, RefinementConfig, refine_poses
 from vision.scoring import quick_scores
+
+#: How far edges are, for how much a step of the robot may bring into the image.
+_TYPICAL_RANGE_M = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +35,8 @@ class MatcherConfig:
     decision: DecisionConfig = field(default_factory=DecisionConfig)
     #: Width of the quick score's kernel.
     kernel_px: float = 4.0
+    #: A window wider than this in heading, to either side, is searched slice by slice.
+    slice_rad: float = 0.6
     #: Hypotheses that are refined, and how far apart they must be to count as different.
     refined: int = 10
     apart_m: float = 0.05
@@ -60,8 +65,9 @@ class LineMatcher:
 
     def match_segments(self, segments: ImageSegments, stamp_ns: int, window: SearchWindow) -> Outcome:
         """Match extracted segments inside a window: the paper's chain, from selection to verification."""
-        predicted = self._visible_from(window)
-        rows = np.unique(predicted.rows)
+        slices = [self._visible_from(part) for part in self._slices(window)]
+        predicted = slices[len(slices) // 2]
+        rows = np.unique(np.concatenate([part.rows for part in slices]))
         look = Look(
             lines_px=segments.raw_px,
             predicted_px=self._raw_pixels(predicted),
@@ -72,35 +78,51 @@ class LineMatcher:
             return NoFix(Reason.TOO_FEW_SEGMENTS, look)
         if len(rows) < self.config.decision.min_matched:
             return NoFix(Reason.NOTHING_VISIBLE, look)
-        pairs = unary_correspondences(self.camera, self.wire_map, segments, predicted, window)
-        hypotheses = self._hypotheses(pairs, window)
+        scored = [
+            self._scored_hypotheses(segments, part, visible)
+            for part, visible in zip(self._slices(window), slices, strict=True)
+        ]
+        hypotheses, scores = (np.concatenate(parts) for parts in zip(*scored, strict=True))
         look = replace(look, hypotheses=len(hypotheses))
-        starts = self._best_that_differ(hypotheses, segments, pairs, predicted)
-        refined = refine_poses(self.projector, starts, rows, segments, stamp_ns, self.config.refinement)
+        starts = self._best_that_differ(hypotheses, scores)
+        # Each pose is judged by all that it would see, and not only by what the window's centre sees.
+        every = np.arange(len(self.wire_map))
+        refined = refine_poses(self.projector, starts, every, segments, stamp_ns, self.config.refinement)
         candidates = [candidate for candidate in refined if _within(candidate.belief.pose, window)]
         if not candidates:
             return NoFix(Reason.NO_HYPOTHESIS, look)
         return decide(candidates, self._looked_at(candidates[0], look), self.config.decision)
 
+    def _slices(self, window: SearchWindow) -> list[SearchWindow]:
+        """The window in an odd number of slices of heading, each predictable from its centre."""
+        number = 2 * math.ceil((window.dphi_rad / self.config.slice_rad - 1.0) / 2.0) + 1
+        if number <= 1:
+            return [window]
+        half = window.dphi_rad / number
+        offsets = half * (2.0 * np.arange(number) - (number - 1))
+        x, y, phi = window.centre.as_array()
+        return [SearchWindow(Pose2(x, y, phi + offset), window.dt_m, half) for offset in offsets]
+
     def _visible_from(self, window: SearchWindow) -> Prediction:
         """The segments that may be seen from the window, as they appear from its centre."""
-        margin = self.camera.focal_px * math.tan(min(window.dphi_rad, 1.0))
+        margin = self.camera.focal_px * (math.tan(min(window.dphi_rad, 1.0)) + window.dt_m / _TYPICAL_RANGE_M)
         return self.projector.predict(window.centre, np.arange(len(self.wire_map)), margin)
 
-    def _hypotheses(self, pairs: Correspondences, window: SearchWindow) -> Array:
-        """Poses (H, 3) worth scoring; none where no pair is possible."""
+    def _scored_hypotheses(
+        self, segments: ImageSegments, window: SearchWindow, predicted: Prediction
+    ) -> tuple[Array, Array]:
+        """Poses (H, 3) of the window that some pairs support, and their quick scores (H,)."""
+        pairs = unary_correspondences(self.camera, self.wire_map, segments, predicted, window)
         if not len(pairs):
-            return np.zeros((0, 3))
+            return np.zeros((0, 3)), np.zeros(0)
         config = self.config.hypotheses
         couples = couple_hypotheses(self.camera, pairs, window, config)
-        return np.concatenate([couples, grid_hypotheses(window, config)])
-
-    def _best_that_differ(
-        self, poses: Array, segments: ImageSegments, pairs: Correspondences, predicted: Prediction
-    ) -> list[Pose2]:
-        """The best hypotheses by quick score, each at some distance from all better ones."""
+        poses = np.concatenate([couples, grid_hypotheses(window, config)])
         kernel = self.config.kernel_px
-        scores = quick_scores(self.camera, self.wire_map, segments, pairs, predicted, poses, kernel)
+        return poses, quick_scores(self.camera, self.wire_map, segments, pairs, predicted, poses, kernel)
+
+    def _best_that_differ(self, poses: Array, scores: Array) -> list[Pose2]:
+        """The best hypotheses by quick score, each at some distance from all better ones."""
         chosen = np.zeros((0, 3))
         for pose in poses[np.argsort(-scores, kind="stable")]:
             away = chosen - pose

@@ -1,0 +1,69 @@
+"""Image files, good and bad."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from maps.errors import InputError
+from vision.images import MAX_BYTES, read_image
+
+RAMP = np.tile(np.arange(64, dtype=np.uint8), (48, 1))
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        read_image(path)
+    assert caught.value.path == str(path)
+    return caught.value.what
+
+
+def test_grey_and_colour_images_become_grey_bytes(tmp_path: Path) -> None:
+    for name, content in (("grey.png", RAMP), ("colour.png", np.dstack([RAMP] * 3))):
+        assert cv2.imwrite(str(tmp_path / name), content)
+        image = read_image(tmp_path / name)
+        assert image.dtype == np.uint8
+        np.testing.assert_array_equal(image, RAMP)
+
+
+def test_sixteen_bits_are_scaled_to_eight(tmp_path: Path) -> None:
+    assert cv2.imwrite(str(tmp_path / "deep.png"), RAMP.astype(np.uint16) * 257)
+    np.testing.assert_array_equal(read_image(tmp_path / "deep.png"), RAMP)
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    assert refused(tmp_path / "none.png") == "no such file"
+    assert refused(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"", b"words, no picture", b"\x89PNG\r\n\x1a\n", bytes(1000)])
+def test_what_is_not_an_image(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "frame.png"
+    path.write_bytes(content)
+    assert refused(path) == "not an image that can be read"
+
+
+def test_a_truncated_header_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "frame.png"
+    cv2.imwrite(str(path), RAMP)
+    path.write_bytes(path.read_bytes()[:30])
+    assert refused(path) == "not an image that can be read"
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_a_truncated_picture_is_not_passed_off_as_whole(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"frame{suffix}"
+    noise = np.random.default_rng(0).integers(0, 256, (480, 640), dtype=np.uint8)
+    assert cv2.imwrite(str(path), noise)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    refused(path)
+
+
+def test_too_large_a_file_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "frame.png"
+    with path.open("wb") as file:
+        file.truncate(MAX_BYTES + 1)
+    assert "larger than" in refused(path)

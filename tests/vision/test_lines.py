@@ -1,0 +1,94 @@
+"""Lines found in pictures: where they were drawn, also through a lens; and pictures that are none."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from drawing import BARREL, CAMERA, FISHEYE, draw, exact_lines
+from toy_building import toy_building
+
+from maps.poses import Array, Pose2
+from maps.wiremap import WireMap
+from vision.association import associate
+from vision.camera import Camera
+from vision.images import GreyImage
+from vision.lines import LineConfig, extract_segments
+from vision.projection import Projector
+
+
+def step_edge(angle: float, offset: float, rng: np.random.Generator) -> GreyImage:
+    """A dark and a bright half, 200 x 200, that meet at the line n . (pixel - 100) = offset."""
+    fine = (np.arange(1600) + 0.5) / 8.0 - 0.5
+    bright = np.cos(angle) * (fine - 100) + (np.sin(angle) * (fine - 100))[:, None] > offset
+    image = cv2.resize(np.where(bright, 200.0, 60.0), (200, 200), interpolation=cv2.INTER_AREA)
+    image = cv2.GaussianBlur(image, (0, 0), 0.7) + rng.normal(0.0, 1.5, image.shape)
+    grey: GreyImage = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    return grey
+
+
+def ideal(raw: Array) -> Array:
+    return raw - [CAMERA.cx, CAMERA.cy]
+
+
+def test_an_edge_is_found_where_it_is_on_average_too() -> None:
+    rng = np.random.default_rng(3)
+    normals, misses = [], []
+    for _ in range(25):
+        angle, offset = rng.uniform(-np.pi, np.pi), rng.uniform(-20.0, 20.0)
+        found = extract_segments(step_edge(angle, offset, rng), CAMERA, LineConfig())
+        longest = found.raw_px[found.lengths_px.argmax()]
+        assert np.linalg.norm(longest[1] - longest[0]) > 120.0
+        normal = np.array([np.cos(angle), np.sin(angle)])
+        across = (longest - 100.0) @ normal - offset
+        assert np.abs(across).max() < 0.3
+        normals.append(normal)
+        misses.append(across.mean())
+    # A shift of all lines alike would turn every fix: it must be far below the noise of a line.
+    shift = np.linalg.lstsq(np.array(normals), np.array(misses), rcond=None)[0]
+    assert np.abs(shift).max() < 0.02
+
+
+def test_without_distortion_ideal_pixels_are_raw_ones_about_the_principal_point() -> None:
+    found = extract_segments(step_edge(0.3, 4.0, np.random.default_rng(0)), CAMERA, LineConfig())
+    np.testing.assert_allclose(found.ideal_px, ideal(found.raw_px), atol=1e-9)
+    np.testing.assert_array_equal(found.sigma_px, np.full(len(found), LineConfig().sigma_px))
+    assert not found.ideal_px.flags.writeable
+
+
+@pytest.mark.parametrize("camera", [CAMERA, BARREL, FISHEYE], ids=["pinhole", "barrel", "fisheye"])
+def test_edges_of_a_drawn_room_are_found_within_a_third_of_a_pixel(camera: Camera, toy_map: WireMap) -> None:
+    pose = Pose2(2.0, 5.5, -0.9)
+    image = draw(toy_building().faces, camera, pose, np.random.default_rng(0))
+    found = extract_segments(image, camera, LineConfig())
+    predicted = Projector(camera, toy_map).predict(pose, np.arange(len(toy_map)))
+    matches = associate(camera, predicted, found, 3.0)
+    long = found.lengths_px[matches.lines] > 60.0
+    assert long.sum() > 15
+    assert np.median(matches.rms_px[long]) < 0.1
+    assert np.quantile(matches.rms_px[long], 0.9) < 0.3
+
+
+def test_short_lines_are_left_out() -> None:
+    image = step_edge(0.3, 4.0, np.random.default_rng(0))
+    assert len(extract_segments(image, CAMERA, LineConfig(min_length_px=500.0))) == 0
+
+
+@pytest.mark.parametrize("level", [0, 128, 255])
+def test_a_constant_image_has_no_lines(level: int) -> None:
+    found = extract_segments(np.full((480, 640), level, np.uint8), CAMERA, LineConfig())
+    assert len(found) == 0
+    assert found.raw_px.shape == found.ideal_px.shape == (0, 2, 2)
+    assert found.lengths_px.shape == (0,)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (8, 640)])
+def test_tiny_images_have_no_lines(shape: tuple[int, int]) -> None:
+    assert len(extract_segments(np.full(shape, 99, np.uint8), BARREL, LineConfig())) == 0
+
+
+def test_exact_lines_of_the_tests_agree_with_the_cameras_own_undistortion(toy_map: WireMap) -> None:
+    predicted = Projector(BARREL, toy_map).predict(Pose2(2.0, 5.5, -0.9), np.arange(len(toy_map)))
+    lines = exact_lines(BARREL, predicted)
+    again = BARREL.undistort(lines.raw_px.reshape(-1, 2)).reshape(-1, 2, 2) * BARREL.focal_px
+    np.testing.assert_allclose(again, lines.ideal_px, atol=1e-3)
