@@ -22,6 +22,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from maps.errors import InputError, WirelocError
+from runs.cli_map import map_app
 
 if TYPE_CHECKING:
     from runs import runner
@@ -40,6 +41,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(map_app, name="map")
 
 
 def main() -> None:
@@ -146,6 +148,17 @@ def compare_runs(
             _error_table((row.track, asdict(row.position_m), asdict(row.heading_deg)) for row in rows)
         )
     console.print(str(compared.folder), soft_wrap=True, highlight=False, markup=False)
+
+
+@app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where robot.yaml and map.yaml go.")],
+) -> None:
+    """Write a robot.yaml and a map.yaml of a small room, to edit."""
+    from runs.templates import write_templates
+
+    for path in write_templates(folder):
+        typer.echo(str(path))
 
 
 def _open(run: Path) -> None:

@@ -27,7 +27,10 @@ TRACKS = {
 STATES = {"TRACKING": FILTERED, "UNCERTAIN": ODOMETRY, "LOST": REJECTED}
 
 #: Kinds of map segments take these in alphabetical order, pale: they are what the rest lies upon.
-KINDS = ("#b9b2a4", "#9fb8c8", "#b7a6c9", "#a8c3a0", "#c9a9a0", "#c8c39a", "#9fc4bd", "#b5b5b5")
+KINDS = ("#b9b2a4", "#9fb8c8", "#b7a6c9", "#a8c3a0", "#c9a9a0", "#c8c39a", "#9fc4bd", "#b5b5b5", "#d3a7b8")
+
+#: From none to most, for regions by what they see: light to dark, so that it also prints in grey.
+COUNTS = ("#f2efe8", "#a8d5ea", VISION, FILTERED, "#123a63")
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -43,3 +46,12 @@ def rgba(colour: str, opacity: float) -> tuple[int, int, int, int]:
 def kind_colours(kinds: tuple[str, ...]) -> dict[str, str]:
     """Return a colour for each kind of map segment; the same set of kinds always looks the same."""
     return {kind: KINDS[index % len(KINDS)] for index, kind in enumerate(sorted(set(kinds)))}
+
+
+def count_colour(share: float) -> tuple[int, int, int]:
+    """Return the colour on the scale of `COUNTS` at a share of 0 to 1."""
+    place = min(max(share, 0.0), 1.0) * (len(COUNTS) - 1)
+    stop = min(int(place), len(COUNTS) - 2)
+    pairs = zip(rgb(COUNTS[stop]), rgb(COUNTS[stop + 1]), strict=True)
+    red, green, blue = (round(low + (place - stop) * (high - low)) for low, high in pairs)
+    return red, green, blue

@@ -97,6 +97,5 @@ def _field_of_view(camera: Camera) -> Array:
 
 def _clip(optical: Array, bounds: Array) -> tuple[Array, Array]:
     """Return parameters low, high (K,) of the parts of segments (K, 2, 3) inside the field of view."""
-    start = np.column_stack([optical[:, 0] @ bounds.T, optical[:, 0, 2] - NEAR_M])
-    end = np.column_stack([optical[:, 1] @ bounds.T, optical[:, 1, 2] - NEAR_M])
+    start, end = ([*(bounds @ optical[:, end].T), optical[:, end, 2] - NEAR_M] for end in (0, 1))
     return inside_interval(start, end)

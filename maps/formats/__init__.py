@@ -1,0 +1,1 @@
+"""Maps from elsewhere and to elsewhere: one module a format, and what they share."""
