@@ -67,7 +67,7 @@ def _key(wire_map: WireMap, heights_m: tuple[float, float], config: PartitionCon
 def _load(path: Path, heights_m: tuple[float, float], segments: int) -> ViewRegions | None:
     """Read regions; None where there are none, or where the file is not whole."""
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in _FIELDS}
             build_seconds = float(stored["build_seconds"])
         if len(arrays["rows"]) and arrays["rows"].max() >= segments:

@@ -75,6 +75,32 @@ def show_a_map(
     typer.echo(str(out))
 
 
+@map_app.command("visible")
+def visible_in_a_map(
+    map_: Annotated[Path, typer.Argument(metavar="MAP", help="Map file.")],
+    at: Annotated[str, typer.Option(metavar="X,Y", help="Place on the floor, metres.")],
+    height: Annotated[float, typer.Option(metavar="M", help="Camera height.")] = CAMERA_HEIGHT_M,
+    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+) -> None:
+    """Tell the view region of a place, what can be seen from it, and in which directions."""
+    from maps.mapfile import read_map
+    from maps.regioncache import cached_regions
+    from runs import cli_mapvisible
+
+    point = cli_mapvisible.place(at)
+    wire_map = read_map(map_)
+    with Console(stderr=True).status("building view regions"):
+        regions = cached_regions(wire_map, _heights(height))
+    number = regions.at(point)
+    if number is None:
+        raise InputError("--at", "", f"{at} is not on the floor of {map_}")
+    content = cli_mapvisible.content_of(wire_map, regions, number, point)
+    if as_json:
+        typer.echo(json.dumps(content, indent=2))
+    else:
+        cli_mapvisible.print_visible(content)
+
+
 @map_app.command("import")
 def import_a_map(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="SDF, DXF, IFC, ROS map (YAML) or line list.")],

@@ -42,20 +42,45 @@ def office(rooms: int, lamps: int = 1, windows: int = 2) -> dict[str, Any]:
             inner, outer = (low, y0 + 2.0) if north else (low + deep, y0)
             boxes.append((door, min(inner, outer), door + DOOR_M, max(inner, outer)))
             for side, y in (("in", inner), ("out", outer)):
-                _frame(segments, f"{name}/door_{side}", "door", (door, y), (door + DOOR_M, y), 0.0, DOOR_TOP_M)
                 _frame(
-                    segments, f"{name}/lining_{side}", "door", (door - 0.07, y), (door + DOOR_M + 0.07, y), 0.0, 2.12
+                    segments, f"{name}/door_{side}", "door", (door, y), (door + DOOR_M, y), 0.0, DOOR_TOP_M
                 )
-                lintels.append({"name": f"{name}/{side}", "p0": [door, y], "p1": [door + DOOR_M, y], "bottom_m": DOOR_TOP_M})
+                _frame(
+                    segments,
+                    f"{name}/lining_{side}",
+                    "door",
+                    (door - 0.07, y),
+                    (door + DOOR_M + 0.07, y),
+                    0.0,
+                    2.12,
+                )
+                lintels.append(
+                    {
+                        "name": f"{name}/{side}",
+                        "p0": [door, y],
+                        "p1": [door + DOOR_M, y],
+                        "bottom_m": DOOR_TOP_M,
+                    }
+                )
             wall = low + deep if north else low
             for window in range(windows):
                 a = x0 + 0.3 + window * (size - 0.4) / windows
                 b = a + (size - 0.4) / windows - 0.3
-                _frame(segments, f"{name}/window{window}", "window", (a, wall), (b, wall), 0.9, 2.2, closed=True)
+                _frame(
+                    segments, f"{name}/window{window}", "window", (a, wall), (b, wall), 0.9, 2.2, closed=True
+                )
                 middle = 0.5 * (a + b)
                 for part, (c, d) in enumerate(((a, middle), (middle, b))):
                     ends = (c + 0.05, wall), (d - 0.05, wall)
-                    _frame(segments, f"{name}/window{window}/sash{part}", "window", *ends, 0.95, 2.15, closed=True)
+                    _frame(
+                        segments,
+                        f"{name}/window{window}/sash{part}",
+                        "window",
+                        *ends,
+                        0.95,
+                        2.15,
+                        closed=True,
+                    )
             for lamp in range(lamps):
                 x, y = x0 + 0.5 * size - 0.3, low + 1.5 + 1.2 * lamp
                 corners = [(x, y), (x + 0.6, y), (x + 0.6, y + 0.6), (x, y + 0.6)]
@@ -69,8 +94,12 @@ def office(rooms: int, lamps: int = 1, windows: int = 2) -> dict[str, Any]:
     return {"units": "m", "segments": segments, "floor": floor, "lintels": lintels}
 
 
-def _line(segments: list[dict[str, Any]], name: str, kind: str, p: tuple[float, ...], q: tuple[float, ...]) -> None:
-    segments.append({"name": name, "kind": kind, "p0": [round(v, 4) for v in p], "p1": [round(v, 4) for v in q]})
+def _line(
+    segments: list[dict[str, Any]], name: str, kind: str, p: tuple[float, ...], q: tuple[float, ...]
+) -> None:
+    segments.append(
+        {"name": name, "kind": kind, "p0": [round(v, 4) for v in p], "p1": [round(v, 4) for v in q]}
+    )
 
 
 def _box(segments: list[dict[str, Any]], name: str, box: tuple[float, float, float, float]) -> None:
