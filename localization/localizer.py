@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from localization.heading import HeadingConfig, HeadingSearch
 from localization.history import History
 from localization.odometry import OdometryStep
-from localization.verdicts import Fused, Missed, Unused, Verdict
+from localization.verdicts import ACCEPTED, Fused, Missed, Refusal, Rejected, Relocalized, Unused, Verdict
 from localization.window import (
     ANYWHERE,
     State,
@@ -24,11 +24,14 @@ class LocalizerConfig:
     """How fixes are judged.
 
     `gate`: probability that a good fix passes the chi-square gate on its innovation. `history_s`: how
-    late a fix may come; longer than any matcher takes.
+    late a fix may come; longer than any matcher takes. `rivals_needed`: so many fixes on end that the gate
+    refuses, but that agree with each other and with the odometry between them, outweigh the belief: a wheel
+    has slipped, or somebody has moved the robot.
     """
 
     gate: float = 0.999
     history_s: float = 1.5
+    rivals_needed: int = 3
     window: WindowConfig = field(default_factory=WindowConfig)
     state: StateConfig = field(default_factory=StateConfig)
     heading: HeadingConfig = field(default_factory=HeadingConfig)
@@ -51,6 +54,8 @@ class Localizer:
         self._misses = 0
         self._history: History | None = None
         self._search: HeadingSearch | None = None
+        self._rival: History | None = None
+        self._rivals = 0
         if measured.all():
             self._history = History(belief, config.gate, config.history_s * 1e9)
         elif measured[:2].all():
@@ -70,6 +75,8 @@ class Localizer:
 
     def predict(self, step: OdometryStep) -> None:
         """Follow one odometry step; steps come in order of time."""
+        if self._rival:
+            self._rival.append(step)
         if self._history:
             self._history.append(step)
         elif self._search:
@@ -84,7 +91,7 @@ class Localizer:
                 verdict = Missed(Unused.AMBIGUOUS)
             case NoFix(reason=reason):
                 verdict = Missed(reason)
-        self._misses = 0 if isinstance(verdict, Fused) else self._misses + 1
+        self._misses = 0 if isinstance(verdict, ACCEPTED) else self._misses + 1
         return verdict
 
     def belief_at(self, stamp_ns: int) -> PoseBelief | None:
@@ -102,7 +109,12 @@ class Localizer:
 
     def _fuse(self, fix: PoseBelief) -> Verdict:
         if self._history:
-            return self._history.insert(fix)
+            verdict: Verdict = self._history.insert(fix)
+            if isinstance(verdict, Fused):
+                self._rival = None
+            elif isinstance(verdict, Rejected) and verdict.reason is Refusal.GATE and fix.measured.all():
+                verdict = self._against_rival(fix) or verdict
+            return verdict
         if self._search is None:
             return Missed(Unused.POSITION_UNKNOWN)
         self._history = self._search.gather(fix)
@@ -112,3 +124,15 @@ class Localizer:
         verdict = self._history.verdict_of(fix)
         self._history.keep(self._config.history_s * 1e9)
         return verdict
+
+    def _against_rival(self, fix: PoseBelief) -> Relocalized | None:
+        """Let a refused fix join those refused before it, or begin anew; enough of them become the belief."""
+        joined = self._rival.insert(fix) if self._rival else None
+        if not isinstance(joined, Fused):
+            self._rival, self._rivals = History(fix, self._config.gate, self._config.history_s * 1e9), 1
+            return None
+        self._rivals += 1
+        if self._rivals < self._config.rivals_needed:
+            return None
+        self._history, self._rival = self._rival, None
+        return Relocalized(joined.nis)

@@ -46,4 +46,14 @@ class Missed:
     reason: Reason | Unused
 
 
-Verdict = Fused | Rejected | Missed
+@dataclass(frozen=True, slots=True)
+class Relocalized:
+    """Refused fixes that agree with each other and with odometry won; `nis`: of this one among them."""
+
+    nis: float
+
+
+#: The verdicts by which a fix went into the belief.
+ACCEPTED = (Fused, Relocalized)
+
+Verdict = Fused | Rejected | Missed | Relocalized

@@ -81,7 +81,7 @@ def _vision(session: Session, result: RunResult, truth: Trajectory | None) -> di
     ]
     errors = errors_of(Trajectory.of_beliefs([belief for _, belief in fixes]), truth)
     whole = np.array([record.outcome == "FIX" for record, _ in fixes], bool)
-    accepted = np.array([record.verdict == "FUSED" for record, _ in fixes], bool)
+    accepted = np.array([record.accepted for record, _ in fixes], bool)
     wrong = _wrong(errors, whole)
     observable = _observable(session)
     return {

@@ -20,8 +20,8 @@ from matplotlib.figure import Figure
 from maps.poses import Array
 from runs.folder import RunFolder, Step, fix_covariance
 from runs.palette import REJECTED, TRACKS, TRUTH, VISION
+from runs.runlog import ACCEPTED
 from runs.shapes import ellipse, floor_rings
-from runs.timelines import ACCEPTED
 from runs.tracks import Errors, errors_of
 
 #: Narrow enough for a phone, where a wider figure's text would shrink beyond reading.

@@ -27,7 +27,7 @@ from runs.palette import TRACKS, TRUTH, rgb
 from runs.runlog import StepRecord, Trajectories, Trajectory
 from runs.scene import LIFT_M, log_body, log_camera, log_fix, log_image, log_look, log_map, log_window
 from runs.session import Frame, Session
-from runs.timelines import ACCEPTED, log_decision, log_step_plots, style_plots
+from runs.timelines import log_decision, log_step_plots, style_plots
 from runs.tracks import errors_of
 
 #: What is logged reaches the file within two of these; shorter ones make small chunks, each with a
@@ -146,7 +146,7 @@ class RerunLog:
     def _log_fixes(self, record: StepRecord, outcome: Outcome) -> None:
         match outcome:
             case Fix():
-                layer = "accepted" if record.verdict in ACCEPTED else "rejected"
+                layer = "accepted" if record.accepted else "rejected"
                 log_fix(self._recording, layer, [outcome.belief])
             case Ambiguous():
                 log_fix(self._recording, "ambiguous", outcome.beliefs)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from localization.verdicts import Fused, Missed, Rejected, Verdict
+from localization.verdicts import ACCEPTED, Fused, Missed, Rejected, Relocalized, Verdict
 from localization.window import State
 from maps.outcomes import Ambiguous, Fix, Look, NoFix, Outcome, PoseBelief, SearchWindow
 from runs.runlog import StepRecord
@@ -81,6 +81,8 @@ def _verdict(verdict: Verdict) -> tuple[str, Cell]:
     match verdict:
         case Fused():
             return "FUSED", verdict.nis
+        case Relocalized():
+            return "RELOCALIZED", verdict.nis
         case Rejected():
             return "REJECTED", verdict.nis
         case Missed():
@@ -90,7 +92,7 @@ def _verdict(verdict: Verdict) -> tuple[str, Cell]:
 def _reason(outcome: Outcome, verdict: Verdict) -> str:
     if isinstance(outcome, NoFix):
         return outcome.reason.value
-    return "" if isinstance(verdict, Fused) else str(verdict.reason)
+    return "" if isinstance(verdict, ACCEPTED) else str(verdict.reason)
 
 
 def _counts(look: Look | None) -> tuple[int | None, int | None, int | None, int | None]:

@@ -11,7 +11,7 @@ from runs.folder import RunFolder, Step, read_run
 from runs.page import STATISTICS, heading, headlines, note, number, page, table, verbatim
 from runs.palette import TRACKS
 from runs.plots import cumulative, errors_over_time, plan, svg
-from runs.timelines import ACCEPTED
+from runs.runlog import ACCEPTED
 
 #: More rows than this would bury what follows; steps.csv has them all.
 MOST_DECISIONS = 200

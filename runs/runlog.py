@@ -14,6 +14,9 @@ from maps.poses import Array, Pose2, frozen
 from runs.config import RunConfig
 from runs.session import Frame, Session
 
+#: The verdicts by which a fix went into the belief, as in steps.csv.
+ACCEPTED = ("FUSED", "RELOCALIZED")
+
 
 @dataclass(frozen=True, slots=True)
 class StepRecord:
@@ -62,6 +65,11 @@ class StepRecord:
     extract_ms: float | None
     match_ms: float | None
     update_ms: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether a fix went into the belief."""
+        return self.verdict in ACCEPTED
 
 
 #: The header of steps.csv.

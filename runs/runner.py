@@ -50,7 +50,7 @@ class RunResult:
     @property
     def usable(self) -> bool:
         """Whether the robot was localized: some fix was accepted."""
-        return any(record.verdict == "FUSED" for record in self.records)
+        return any(record.accepted for record in self.records)
 
 
 def run_session(session: Session, config: RunConfig, log: RunLog, progress: Progress) -> RunResult:

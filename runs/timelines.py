@@ -10,9 +10,6 @@ from maps.outcomes import Fix, Outcome
 from runs.palette import ODOMETRY, REJECTED, SMOOTHED, STATES, TRACKS, TRUTH, VISION, rgb
 from runs.runlog import StepRecord
 
-#: What became of a fix that was used.
-ACCEPTED = ("FUSED", "RELOCALIZED")
-
 #: Series by path, each with colour and legend; those of one path are logged together.
 LINES = {
     "lines": (
@@ -76,5 +73,5 @@ def log_decision(recording: rr.RecordingStream, frame: int, record: StepRecord) 
         words.append(f"{record.matches} matches")
     if record.nis is not None:
         words.append(f"NIS {record.nis:.1f}")
-    level = rr.TextLogLevel.INFO if record.verdict in ACCEPTED else rr.TextLogLevel.WARN
+    level = rr.TextLogLevel.INFO if record.accepted else rr.TextLogLevel.WARN
     recording.log("decisions", rr.TextLog("  ".join(word for word in words if word), level=level))

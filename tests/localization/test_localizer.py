@@ -5,7 +5,7 @@ import pytest
 
 from localization.localizer import Localizer, LocalizerConfig
 from localization.odometry import OdometryStep
-from localization.verdicts import Fused, Missed, Refusal, Rejected, Unused
+from localization.verdicts import Fused, Missed, Refusal, Rejected, Relocalized, Unused
 from localization.window import State
 from maps.outcomes import Ambiguous, Fix, NoFix, PoseBelief, Reason
 from maps.poses import Pose2
@@ -110,3 +110,42 @@ def test_perfect_odometry_and_fixes_are_followed_exactly():
         assert isinstance(localizer.fuse(seen(i + 1, pose.x, pose.y, pose.phi)), Fused)
     assert localizer.belief is not None
     assert localizer.belief.pose.minus(pose) == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def after_looks(places: list[float]) -> tuple[Localizer, list[object]]:
+    """A robot that stands at x = 1 by its odometry, and sees itself at these, one a second."""
+    localizer, verdicts = Localizer(KNOWN), []
+    for second, x in enumerate(places):
+        localizer.predict(still(second, second + 1))
+        verdicts.append(localizer.fuse(seen(second + 1.0, x=x)))
+    return localizer, verdicts
+
+
+def test_refused_fixes_that_agree_win():
+    localizer, verdicts = after_looks([1.0, 3.0, 3.02, 2.98])
+    assert [type(verdict) for verdict in verdicts] == [Fused, Rejected, Rejected, Relocalized]
+    assert localizer.belief.pose.x == pytest.approx(3.0, abs=0.05)
+    localizer.predict(still(4, 5))
+    assert isinstance(localizer.fuse(seen(5.0, x=3.0)), Fused)
+
+
+@pytest.mark.parametrize(
+    "places",
+    [
+        pytest.param([1.0, 3.0, 5.0, 7.0, -1.0], id="that disagree"),
+        pytest.param([1.0, 3.0, 3.0, 1.0, 3.0, 3.0], id="with a good one between"),
+    ],
+)
+def test_refused_fixes_do_not_win(places):
+    localizer, verdicts = after_looks(places)
+    assert not any(isinstance(verdict, Relocalized) for verdict in verdicts)
+    assert localizer.belief.pose.x == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_refused_position_alone_begins_nothing():
+    localizer = Localizer(KNOWN)
+    blind = np.diag([0.0025, 0.0025, math.inf])
+    for second in range(4):
+        localizer.predict(still(second, second + 1))
+        fix = Fix(PoseBelief((second + 1) * SECOND_NS, Pose2(3.0, 2.0, 0.0), blind))
+        assert isinstance(localizer.fuse(fix), Rejected)
