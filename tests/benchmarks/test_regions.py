@@ -59,7 +59,7 @@ def test_regions(benchmark, rooms, tmp_path, monkeypatch):
     )
     points = places(again, 100)
     assert benchmark(ask, again, points) > 0
-    print(rooms or "building_a", benchmark.extra_info)  # noqa: T201
+    print(rooms or "building_a", benchmark.extra_info)
 
 
 def test_load(benchmark, tmp_path, monkeypatch):

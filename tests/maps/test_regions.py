@@ -160,6 +160,6 @@ def test_sample_maps_at_many_points(data: Path, name: str):
     wire_map = build_map(import_map(path, ImportOptions()).document, path) if foreign else read_map(path)
     found = build_regions(wire_map, (HEIGHT_M, HEIGHT_M))
     missed, ratio = shares(wire_map, found, places(wire_map, 20_000, seed=9))
-    print(f"{name}: {len(found)} regions, misses {len(missed)}, ratio {ratio:.3f}")  # noqa: T201
+    print(f"{name}: {len(found)} regions, misses {len(missed)}, ratio {ratio:.3f}")
     assert not missed
     assert ratio <= 1.3
