@@ -13,10 +13,19 @@ from maps.errors import InputError
 GreyImage = NDArray[np.uint8]
 
 MAX_BYTES = 256 * 2**20
+#: No camera makes larger images; a small file can hold one that fills the memory.
+MAX_PIXELS = 2**27
+
+#: Sensors of 10 and 12 bits write their values into 16.
+_DEPTHS = (10, 12, 16)
 
 
 def read_image(path: Path) -> GreyImage:
-    """Read an image file as grey levels (H, W); InputError where it is missing or not an image."""
+    """Read an image file as grey levels (H, W); InputError where it is missing or not an image.
+
+    Colour becomes its luminance, whatever its opacity; deeper images keep the upper eight of the bits that
+    their values use, of 10, 12 or 16.
+    """
     try:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(path, "", f"larger than {MAX_BYTES // 2**20} MB")
@@ -26,9 +35,17 @@ def read_image(path: Path) -> GreyImage:
     except OSError as error:
         raise InputError(path, "", error.strerror or str(error)) from None
     try:
-        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
+        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH) if len(data) else None
     except cv2.error:
         image = None
     if image is None:
         raise InputError(path, "", "not an image that can be read")
+    if image.size > MAX_PIXELS:
+        raise InputError(path, "", f"more than {MAX_PIXELS // 10**6} megapixels")
+    if image.dtype == np.uint16:
+        brightest = int(image.max())
+        bits = next(depth for depth in _DEPTHS if brightest < 2**depth)
+        image = np.right_shift(image, bits - 8)
+    elif image.dtype != np.uint8:
+        raise InputError(path, "", "neither 8 nor 16 bits a pixel")
     return np.asarray(image, np.uint8)

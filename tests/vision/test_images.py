@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from maps.errors import InputError
-from vision.images import MAX_BYTES, read_image
+from vision.images import MAX_BYTES, MAX_PIXELS, read_image
 
 RAMP = np.tile(np.arange(64, dtype=np.uint8), (48, 1))
 
@@ -67,3 +67,34 @@ def test_too_large_a_file_is_not_read(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.truncate(MAX_BYTES + 1)
     assert "larger than" in refused(path)
+
+
+@pytest.mark.parametrize("bits", [10, 12])
+def test_values_of_ten_and_twelve_bits_in_sixteen_keep_their_contrast(tmp_path: Path, bits: int) -> None:
+    deep = np.tile(np.arange(256, dtype=np.uint16) << (bits - 8), (48, 1))
+    assert cv2.imwrite(str(tmp_path / "deep.png"), deep)
+    np.testing.assert_array_equal(read_image(tmp_path / "deep.png")[0], np.arange(256))
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_opacity_changes_nothing(tmp_path: Path, deep: bool) -> None:
+    opacity = np.random.default_rng(0).integers(0, 256, RAMP.shape, dtype=np.uint8)
+    content = np.dstack([RAMP, RAMP, RAMP, opacity])
+    written = content.astype(np.uint16) * 257 if deep else content
+    assert cv2.imwrite(str(tmp_path / "clear.png"), written)
+    np.testing.assert_array_equal(read_image(tmp_path / "clear.png"), RAMP)
+
+
+def test_floating_point_images_are_refused(tmp_path: Path) -> None:
+    assert cv2.imwrite(str(tmp_path / "light.pfm"), RAMP.astype(np.float32))
+    assert refused(tmp_path / "light.pfm") == "neither 8 nor 16 bits a pixel"
+
+
+def test_an_image_too_large_for_any_camera_is_refused(tmp_path: Path) -> None:
+    assert cv2.imwrite(str(tmp_path / "wide.png"), np.zeros((2**11, MAX_PIXELS // 2**11 + 1), np.uint8))
+    assert "megapixels" in refused(tmp_path / "wide.png")
+
+
+def test_one_pixel(tmp_path: Path) -> None:
+    assert cv2.imwrite(str(tmp_path / "dot.png"), np.full((1, 1), 7, np.uint8))
+    np.testing.assert_array_equal(read_image(tmp_path / "dot.png"), [[7]])
