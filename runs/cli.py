@@ -22,6 +22,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from maps.errors import InputError, WirelocError
+from runs.cli_calibrate import calibrate_camera
+from runs.cli_lines import extract_lines
 from runs.cli_map import map_app
 
 if TYPE_CHECKING:
@@ -42,6 +44,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(map_app, name="map")
+app.command("lines")(extract_lines)
+app.command("calibrate")(calibrate_camera)
 
 
 def main() -> None:

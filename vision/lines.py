@@ -1,30 +1,45 @@
-"""Straight segments in an image: extraction with OpenCV's LSD, undistorted end points."""
+"""Straight segments in an image, undistorted, by one of several extractors."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field, fields
+from enum import StrEnum
+from typing import Any
 
-import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from maps.poses import Array, frozen
 from vision.camera import Camera
+from vision.edgelines import EdgeConfig, find_edges
 from vision.images import GreyImage
+from vision.lsd import brighter_right, find_lsd, straightened
 
-#: OpenCV's LSD works at 0.8 of the size and scales back without moving the pixels' centres, which puts all
-#: it finds this much too far left and up.
-_SHIFT_PX = 0.125
+#: Farther than this from where it was measured no line's end may come back from undistortion.
+_ASTRAY_PX = 2.0
+
+
+class LineMethod(StrEnum):
+    """How lines are found."""
+
+    #: Chains of edge points, fitted (`vision.edgelines`).
+    EDGES = "edges"
+    #: OpenCV's line segment detector.
+    LSD = "lsd"
 
 
 @dataclass(frozen=True, slots=True)
 class LineConfig:
     """What counts as a line."""
 
+    method: LineMethod = LineMethod.EDGES
     #: Shorter segments are mostly texture, and constrain little.
     min_length_px: float = 20.0
-    #: Standard deviation of an end point across its line: LSD reaches 0.12 px on clean drawn edges; real
-    #: ones are blurred, unevenly lit and, under distortion, bent.
+    #: Standard deviation of an end point across its line, beside what the image's noise explains: real edges
+    #: are rounded, unevenly lit and, under distortion, bent.
     sigma_px: float = 0.5
+    edges: EdgeConfig = field(default_factory=EdgeConfig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,15 +49,31 @@ class ImageSegments:
     `raw_px`: (M, 2, 2) end points as found, in raw pixels.
     `ideal_px`: (M, 2, 2) the same, undistorted, as pixels of an ideal camera: u right and v down from the
     principal point, focal length `Camera.focal_px` on both axes.
-    `sigma_px`: (M,) standard deviation of an end point across the line.
+    `sigma_px`: (M,) standard deviation of an end point across the line, for weighing it against a map.
+    `sigma_middle_px`, `sigma_angle_rad`: (M,) standard deviations of the middle across the line and of the
+    direction, as far as the image tells: the measurement's alone.
+    `polarity`: (M,) +1 brighter on the right-hand side looking from the first end to the second, -1 darker.
+    `contrast`: (M,) grey levels between the two sides.
     """
 
     raw_px: Array
     ideal_px: Array
     sigma_px: Array
+    sigma_middle_px: Array
+    sigma_angle_rad: Array
+    polarity: Array
+    contrast: Array
+
+    def __post_init__(self) -> None:
+        for column in fields(self):
+            object.__setattr__(self, column.name, frozen(getattr(self, column.name)))
 
     def __len__(self) -> int:
         return len(self.raw_px)
+
+    def __getitem__(self, keep: NDArray[Any]) -> ImageSegments:
+        """Return some of the segments, by numbers or a mask."""
+        return ImageSegments(*(getattr(self, column.name)[keep] for column in fields(self)))
 
     @property
     def lengths_px(self) -> Array:
@@ -52,28 +83,53 @@ class ImageSegments:
 
 
 def extract_segments(image: GreyImage, camera: Camera, config: LineConfig) -> ImageSegments:
-    """Extract straight segments (von Gioi et al. 2010, OpenCV's LSD) and undistort their end points."""
-    found = cv2.createLineSegmentDetector().detect(image)[0]
-    raw = np.zeros((0, 2, 2)) if found is None else np.asarray(found, np.float64).reshape(-1, 2, 2)
-    raw = raw + _SHIFT_PX
+    """Extract straight segments of a grey image (H, W), the first end of each to the left of the second."""
+    find = _by_lsd if config.method is LineMethod.LSD else _by_edges
+    return find(image, camera, config)
+
+
+def _by_edges(image: GreyImage, camera: Camera, config: LineConfig) -> ImageSegments:
+    lines = find_edges(image, camera, config.edges)
+    raw = camera.distort(lines.ideal_px.reshape(-1, 2) / camera.focal_px).reshape(-1, 2, 2)
+    length = np.linalg.norm(lines.ideal_px[:, 1] - lines.ideal_px[:, 0], axis=1)
+    astray = np.linalg.norm(raw - lines.raw_px, axis=2).max(axis=1, initial=0.0)
+    keep = (length >= config.min_length_px) & (astray <= _ASTRAY_PX)
+    noise = np.hypot(lines.sigma_middle_px, 0.5 * length * lines.sigma_angle_rad)
+    swap = raw[:, 0, 0] > raw[:, 1, 0]
+    return ImageSegments(
+        raw_px=_swapped(raw, swap),
+        ideal_px=_swapped(lines.ideal_px, swap),
+        sigma_px=np.hypot(config.sigma_px, noise),
+        sigma_middle_px=lines.sigma_middle_px,
+        sigma_angle_rad=lines.sigma_angle_rad,
+        polarity=np.where(swap, -1.0, 1.0),
+        contrast=lines.contrast,
+    )[keep]
+
+
+def _by_lsd(image: GreyImage, camera: Camera, config: LineConfig) -> ImageSegments:
+    raw = find_lsd(image)
+    raw = _swapped(raw, raw[:, 0, 0] > raw[:, 1, 0])
     raw = raw[np.linalg.norm(raw[:, 1] - raw[:, 0], axis=1) >= config.min_length_px]
-    ideal = _straightened(raw, camera)
+    ideal = straightened(raw, camera)
     sane = np.isfinite(ideal).all(axis=(1, 2))
     raw, ideal = raw[sane], ideal[sane]
-    return ImageSegments(frozen(raw), frozen(ideal), frozen(np.full(len(raw), config.sigma_px)))
+    step = brighter_right(image, raw)
+    sigma = np.full(len(raw), config.sigma_px)
+    length = np.maximum(np.linalg.norm(ideal[:, 1] - ideal[:, 0], axis=1), 1e-9)
+    return ImageSegments(
+        raw_px=raw,
+        ideal_px=ideal,
+        sigma_px=sigma,
+        # Two ends that err independently.
+        sigma_middle_px=sigma / math.sqrt(2.0),
+        sigma_angle_rad=sigma * math.sqrt(2.0) / length,
+        polarity=np.sign(step),
+        contrast=np.abs(step),
+    )
 
 
-def _straightened(raw: Array, camera: Camera) -> Array:
-    """Undistort segments (M, 2, 2) that were laid through edges bowed by the lens, into ideal pixels.
-
-    The line that fits a shallow arc best crosses it at 1 / sqrt(12) of its length either side of the middle:
-    there the edge is, and not at the line's ends.
-    """
-    middle, half = raw.mean(axis=1, keepdims=True), 0.5 * (raw[:, 1:] - raw[:, :1])
-    crossings = middle + half * np.array([[-1.0], [1.0]]) / np.sqrt(3.0)
-    points = camera.undistort(np.concatenate([raw, crossings], axis=1).reshape(-1, 2)).reshape(-1, 4, 2)
-    ends, crossings = points[:, :2] * camera.focal_px, points[:, 2:] * camera.focal_px
-    along = crossings[:, 1:] - crossings[:, :1]
-    along = along / np.linalg.norm(along, axis=2, keepdims=True)
-    result: Array = crossings[:, :1] + ((ends - crossings[:, :1]) * along).sum(axis=2, keepdims=True) * along
+def _swapped(ends: Array, swap: NDArray[np.bool_]) -> Array:
+    """The segments (M, 2, 2) with the ends of some of them exchanged."""
+    result: Array = np.where(swap[:, None, None], ends[:, ::-1], ends)
     return result

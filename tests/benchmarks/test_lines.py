@@ -40,7 +40,7 @@ def one_thread():
 
 
 def tell(*figures: object) -> None:
-    print(*figures)  # noqa: T201
+    print(*figures)
 
 
 def lsd_ideal(image, camera):

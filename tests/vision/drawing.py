@@ -8,7 +8,7 @@ import shapely
 from toy_building import Face
 
 from maps.outcomes import SearchWindow
-from maps.poses import Array, Pose2, frozen
+from maps.poses import Array, Pose2
 from maps.wiremap import WireMap
 from vision.camera import Camera, CameraModel, CameraMount
 from vision.images import GreyImage
@@ -92,7 +92,23 @@ def _trace(faces: list[Face], rotation: Array, centre: Array, x: Array, y: Array
 def exact_lines(camera: Camera, prediction: Prediction, sigma_px: float = 0.5) -> ImageSegments:
     """Return the predicted pieces as if they had been found in an image, without error."""
     raw = camera.distort(prediction.ideal_px.reshape(-1, 2) / camera.focal_px).reshape(-1, 2, 2)
-    return ImageSegments(frozen(raw), frozen(prediction.ideal_px), frozen(np.full(len(raw), sigma_px)))
+    return segments_at(prediction.ideal_px, raw, sigma_px)
+
+
+def segments_at(ideal: Array, raw: Array | None = None, sigma_px: float = 0.5) -> ImageSegments:
+    """Return segments (M, 2, 2) as an extractor would; raw pixels, where nobody asks for them, the same."""
+    one = np.ones(len(ideal))
+    return ImageSegments(
+        raw_px=ideal if raw is None else raw,
+        ideal_px=ideal,
+        sigma_px=sigma_px * one,
+        sigma_middle_px=sigma_px / np.sqrt(2.0) * one,
+        sigma_angle_rad=sigma_px
+        * np.sqrt(2.0)
+        / np.maximum(np.linalg.norm(ideal[:, 1] - ideal[:, 0], axis=1), 1e-9),
+        polarity=one,
+        contrast=100.0 * one,
+    )
 
 
 def poses_inside(wire_map: WireMap, rng: np.random.Generator, count: int) -> list[Pose2]:

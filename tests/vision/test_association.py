@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawing import CAMERA
+from drawing import CAMERA, segments_at
 
-from maps.poses import Array, frozen
+from maps.poses import Array
 from vision.association import Matches, associate
 from vision.lines import ImageSegments
 from vision.projection import Prediction, line_normals
@@ -22,8 +22,7 @@ def pieces(*ends: Ends) -> Prediction:
 
 
 def lines(*ends: Ends) -> ImageSegments:
-    ideal = frozen(np.array(ends, float).reshape(-1, 2, 2))
-    return ImageSegments(ideal, ideal, frozen(np.full(len(ideal), 0.5)))
+    return segments_at(np.array(ends, float).reshape(-1, 2, 2))
 
 
 def paired(predicted: Prediction, found: ImageSegments, gate_px: float = 6.0) -> set[tuple[int, int]]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from drawing import CAMERA, exact_lines, poses_inside, window_around
+from drawing import CAMERA, exact_lines, poses_inside, segments_at, window_around
 
 from maps.outcomes import SearchWindow
-from maps.poses import Array, Pose2, frozen, wrap_angle
+from maps.poses import Array, Pose2, wrap_angle
 from maps.wiremap import WireMap
 from vision.constraints import Correspondences, unary_correspondences
 from vision.hypotheses import HypothesisConfig, couple_hypotheses, grid_hypotheses
-from vision.lines import ImageSegments
 from vision.projection import Projector
 
 CONFIG = HypothesisConfig()
@@ -27,7 +26,7 @@ def cluttered_pairs(
     starts = rng.uniform([-300, -220], [300, 220], (len(lines), 2))
     stray = np.stack([starts, starts + rng.normal(0.0, 60.0, starts.shape)], axis=1)
     ideal = np.concatenate([lines.ideal_px, stray])
-    both = ImageSegments(frozen(ideal), frozen(ideal), frozen(np.full(len(ideal), 0.5)))
+    both = segments_at(ideal)
     predicted = projector.predict(window.centre, rows, CAMERA.focal_px * math.tan(window.dphi_rad))
     return unary_correspondences(CAMERA, wire_map, both, predicted, window)
 

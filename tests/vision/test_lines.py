@@ -13,7 +13,7 @@ from maps.wiremap import WireMap
 from vision.association import associate
 from vision.camera import Camera
 from vision.images import GreyImage
-from vision.lines import LineConfig, extract_segments
+from vision.lines import LineConfig, LineMethod, extract_segments
 from vision.projection import Projector
 
 
@@ -31,14 +31,16 @@ def ideal(raw: Array) -> Array:
     return raw - [CAMERA.cx, CAMERA.cy]
 
 
-def test_an_edge_is_found_where_it_is_on_average_too() -> None:
+@pytest.mark.parametrize("method", LineMethod)
+def test_an_edge_is_found_where_it_is_on_average_too(method: LineMethod) -> None:
     rng = np.random.default_rng(3)
     normals, misses = [], []
     for _ in range(25):
         angle, offset = rng.uniform(-np.pi, np.pi), rng.uniform(-20.0, 20.0)
-        found = extract_segments(step_edge(angle, offset, rng), CAMERA, LineConfig())
+        found = extract_segments(step_edge(angle, offset, rng), CAMERA, LineConfig(method=method))
         longest = found.raw_px[found.lengths_px.argmax()]
         assert np.linalg.norm(longest[1] - longest[0]) > 120.0
+        assert longest[0, 0] <= longest[1, 0]
         normal = np.array([np.cos(angle), np.sin(angle)])
         across = (longest - 100.0) @ normal - offset
         assert np.abs(across).max() < 0.3
@@ -52,7 +54,7 @@ def test_an_edge_is_found_where_it_is_on_average_too() -> None:
 def test_without_distortion_ideal_pixels_are_raw_ones_about_the_principal_point() -> None:
     found = extract_segments(step_edge(0.3, 4.0, np.random.default_rng(0)), CAMERA, LineConfig())
     np.testing.assert_allclose(found.ideal_px, ideal(found.raw_px), atol=1e-9)
-    np.testing.assert_array_equal(found.sigma_px, np.full(len(found), LineConfig().sigma_px))
+    assert (found.sigma_px > LineConfig().sigma_px).all()
     assert not found.ideal_px.flags.writeable
 
 
@@ -82,9 +84,33 @@ def test_a_constant_image_has_no_lines(level: int) -> None:
     assert found.lengths_px.shape == (0,)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (8, 640)])
-def test_tiny_images_have_no_lines(shape: tuple[int, int]) -> None:
-    assert len(extract_segments(np.full(shape, 99, np.uint8), BARREL, LineConfig())) == 0
+@pytest.mark.parametrize("method", LineMethod)
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (5, 5), (8, 640)])
+def test_tiny_images_have_no_lines(shape: tuple[int, int], method: LineMethod) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, shape).astype(np.uint8)
+    for image in (np.full(shape, 99, np.uint8), noise):
+        assert len(extract_segments(image, BARREL, LineConfig(method=method))) == 0
+
+
+@pytest.mark.parametrize("method", LineMethod)
+def test_polarity_and_contrast_are_those_of_the_edge(method: LineMethod) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        angle = rng.uniform(-np.pi, np.pi)
+        found = extract_segments(step_edge(angle, 2.0, rng), CAMERA, LineConfig(method=method))
+        longest = found[found.lengths_px.argmax(keepdims=True)]
+        along = longest.raw_px[0, 1] - longest.raw_px[0, 0]
+        # The step is brighter where n . pixel is larger, n = (cos, sin).
+        right = np.array([-along[1], along[0]])
+        assert longest.polarity[0] == np.sign(right @ [np.cos(angle), np.sin(angle)])
+        assert abs(longest.contrast[0] - 140.0) < 10.0
+
+
+def test_some_segments_are_picked_with_all_that_is_known_of_them() -> None:
+    found = extract_segments(step_edge(0.3, 4.0, np.random.default_rng(0)), CAMERA, LineConfig())
+    none = found[np.zeros(len(found), bool)]
+    assert len(none) == len(none.polarity) == len(none.contrast) == len(none.sigma_angle_rad) == 0
+    assert len(found[np.array([0])]) == 1
 
 
 def test_exact_lines_of_the_tests_agree_with_the_cameras_own_undistortion(toy_map: WireMap) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawing import CAMERA, exact_lines, poses_inside
+from drawing import CAMERA, exact_lines, poses_inside, segments_at
 from numpy.typing import NDArray
 
 from maps.outcomes import SearchWindow
@@ -40,7 +40,7 @@ def taken(view: Prediction, rows: NDArray[np.int64]) -> Prediction:
 
 
 def some_lines(lines: ImageSegments, keep: Array) -> ImageSegments:
-    return ImageSegments(lines.raw_px[keep], lines.ideal_px[keep], lines.sigma_px[keep])
+    return lines[keep]
 
 
 def test_the_true_pose_has_more_evidence_than_shifted_ones(toy_map: WireMap) -> None:
@@ -88,7 +88,7 @@ def test_a_picture_full_of_strokes_proves_less(toy_map: WireMap) -> None:
     starts = rng.uniform([-300, -220], [300, 220], (800, 2))
     stray = np.stack([starts, starts + rng.normal(0.0, 60.0, starts.shape)], axis=1)
     ideal = np.concatenate([lines.ideal_px, stray])
-    busy = ImageSegments(ideal, ideal, np.full(len(ideal), 0.5))
+    busy = segments_at(ideal)
     matches, sigma = associate(CAMERA, view, lines, GATE_PX), np.full(len(view), 0.5)
     scores = [
         log_likelihood_ratio(

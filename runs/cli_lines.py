@@ -1,0 +1,94 @@
+"""The command line's `lines` command; what it needs is imported when it runs."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from maps.errors import InputError
+
+if TYPE_CHECKING:
+    from vision.camera import Camera
+    from vision.images import GreyImage
+    from vision.lines import ImageSegments
+
+HEADER = ("image", "x1", "y1", "x2", "y2", "sigma_px", "polarity", "contrast")
+
+
+def extract_lines(
+    images: Annotated[list[Path], typer.Argument(metavar="IMAGE...", help="Image files.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Table of the lines (.csv), raw pixels.")],
+    camera: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="robot.yaml, for what is straight through its lens."),
+    ] = None,
+    overlay: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Picture (.png) of one image's lines.")
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Parameters that differ (YAML).")
+    ] = None,
+) -> None:
+    """Find straight edges in images: end points, deviation of the middle, brighter side (+1: right), contrast."""
+    from runs.config import RunConfig, read_config
+    from vision.images import read_image
+    from vision.lines import extract_segments
+
+    if overlay is not None and (len(images) > 1 or overlay.suffix != ".png"):
+        raise InputError("--overlay", "", "draws one image, into a .png")
+    parameters = (read_config(config) if config else RunConfig()).matcher.lines
+    through = _camera(camera) if camera else None
+    rows: list[tuple[object, ...]] = []
+    for path in images:
+        image = read_image(path)
+        segments = extract_segments(image, _fitting(through, image, path), parameters)
+        rows += _rows(path, segments)
+    with out.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file, lineterminator="\n").writerows([HEADER, *rows])
+    typer.echo(str(out))
+    if overlay is not None:
+        from vision.overlay import overlay_png
+
+        overlay.write_bytes(overlay_png(image, segments))
+        typer.echo(str(overlay))
+
+
+def _camera(path: Path) -> Camera:
+    from runs.robot import read_robot
+
+    camera = read_robot(path).camera
+    if camera is None:
+        raise InputError(path, "camera", "missing")
+    return camera
+
+
+def _fitting(camera: Camera | None, image: GreyImage, path: Path) -> Camera:
+    """Return the camera, or an ideal one for the image; InputError where the image is not of its size."""
+    import numpy as np
+
+    from vision.camera import Camera, CameraModel, CameraMount
+
+    height, width = image.shape
+    if camera is None:
+        model, centre, focal = CameraModel.PINHOLE_RADTAN, ((width - 1) / 2, (height - 1) / 2), float(width)
+        return Camera(model, width, height, focal, focal, *centre, np.zeros(5), CameraMount())
+    if (width, height) != (camera.width, camera.height):
+        expected = f"{camera.width}x{camera.height}"
+        raise InputError(path, "", f"is {width}x{height}, but the camera makes {expected}")
+    return camera
+
+
+def _rows(path: Path, segments: ImageSegments) -> list[tuple[object, ...]]:
+    return [
+        (path, *(f"{value:.3f}" for value in ends), f"{sigma:.4f}", f"{polarity:+.0f}", f"{contrast:.1f}")
+        for ends, sigma, polarity, contrast in zip(
+            segments.raw_px.reshape(-1, 4).tolist(),
+            segments.sigma_middle_px.tolist(),
+            segments.polarity.tolist(),
+            segments.contrast.tolist(),
+            strict=True,
+        )
+    ]
