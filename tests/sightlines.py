@@ -20,7 +20,7 @@ def seen_by_sight_lines(wire_map: WireMap, points: np.ndarray, height_m: float) 
     nearest = shapely.shortest_line(inner, shapely.points(samples[:, :2]))
     targets = shapely.get_coordinates(shapely.get_point(nearest, 0))
     places, place = np.unique(np.round(targets, 6), axis=0, return_inverse=True)
-    tall = _tall_floor(wire_map).buffer(GRAZE_M)
+    tall = _tall_floor(wire_map).buffer(GRAZE_M, join_style="mitre")
     shapely.prepare(tall)
     result = np.zeros((len(points), len(wire_map)), bool)
     for number, (x, y) in enumerate(points):
