@@ -1,6 +1,6 @@
 """Line extraction beside OpenCV's LSD, in one process on one thread: speed, precision, recall.
 
-`make bench` prints the figures; `python -m pytest tests/benchmarks/test_lines_benchmark.py --benchmark-only -s` these alone.
+`make bench` prints the figures; pytest on this file with `--benchmark-only -s` these alone.
 """
 
 from __future__ import annotations
