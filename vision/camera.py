@@ -45,7 +45,10 @@ BASE_FROM_OPTICAL = frozen(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
-    """A camera with OpenCV's pinhole or fisheye distortion; integer pixels are pixel centres."""
+    """A camera with OpenCV's pinhole or fisheye distortion; integer pixels are pixel centres.
+
+    `std_focal`: how well the focal length is known, relative; `std_centre_px`: the same of (cx, cy).
+    """
 
     model: CameraModel
     width: int
@@ -56,6 +59,8 @@ class Camera:
     cy: float
     distortion: Array
     mount: CameraMount
+    std_focal: float = 0.0
+    std_centre_px: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "distortion", frozen(self.distortion))

@@ -54,6 +54,8 @@ class ImageSegments:
     direction, as far as the image tells: the measurement's alone.
     `polarity`: (M,) +1 brighter on the right-hand side looking from the first end to the second, -1 darker.
     `contrast`: (M,) grey levels between the two sides.
+    `pivot_px`: (M,) where the errors of offset and direction are independent: pixels from the middle towards the
+    second end; 0, the middle, for lines that are measured all along.
     """
 
     raw_px: Array
@@ -63,8 +65,11 @@ class ImageSegments:
     sigma_angle_rad: Array
     polarity: Array
     contrast: Array
+    pivot_px: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
+        if not len(self.pivot_px):
+            object.__setattr__(self, "pivot_px", np.zeros(len(self.raw_px)))
         for column in fields(self):
             object.__setattr__(self, column.name, frozen(getattr(self, column.name)))
 

@@ -93,7 +93,7 @@ def _improve(
     if len(np.unique(predicted.rows[matches.pieces])) < _MIN_SEGMENTS:
         return None
     seen = observations(projector, predicted, matches, segments, trial.spread)
-    estimate = estimate_pose(trial.pose, projector.camera.mount, seen)
+    estimate = estimate_pose(trial.pose, projector.camera, seen)
     spread = float(np.clip(trial.spread * estimate.spread, *config.spread_limits))
     return _Trial(estimate.pose, spread, estimate)
 
