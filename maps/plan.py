@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from maps.floor import into_floor
 from maps.poses import Array, frozen
-from maps.visibility import cross_plan, shadows_of, unhidden_spans
+from maps.shadows import shadows_of, unhidden_spans
+from maps.visibility import cross_plan
 from maps.wiremap import WireMap
 
 #: As little as keeps an edge off its own wall.
@@ -66,7 +67,7 @@ class Plan:
     def _unhidden(self, eye: Array, rows: NDArray[np.int64], walls: NDArray[np.int64]) -> NDArray[np.int64]:
         """Positions of the rows that some walls (numbered from 0) do not hide whole."""
         eye = np.append(eye, 0.0)
-        shadows = shadows_of(self.walls[walls], eye, 1e-9, np.full(len(walls), np.inf), below=True)
+        shadows = shadows_of(self.walls[walls], eye, 1e-9, np.full(len(walls), np.inf), True)
         return np.unique(unhidden_spans(self.sight[rows], *shadows)[0])
 
 

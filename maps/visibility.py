@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps.poses import Array
+from maps.shadows import hidden_intervals, shadows_of, unhidden_spans
 from maps.wiremap import WireMap
 
 #: Edges are moved into the floor, so a wall hides whatever is behind its plane; an edge in the plane of a
@@ -22,8 +23,6 @@ _LINTEL_MARGIN_M = 0.05
 #: For lists that must not miss anything, lintels hide a little less than they do.
 _LENIENT_MARGIN_M = 0.15
 _LENIENT_RISE_M = 0.02
-#: Shorter stretches than this share of a segment are gaps between occluders that touch.
-_MIN_SPAN = 1e-6
 
 
 def visible_spans(wire_map: WireMap, eye: Array, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
@@ -34,14 +33,6 @@ def visible_spans(wire_map: WireMap, eye: Array, rows: NDArray[np.int64]) -> tup
     to p1; a segment seen in several stretches occurs several times, in order.
     """
     return unhidden_spans(wire_map.sight_endpoints[rows], *_shadows(wire_map, eye))
-
-
-def unhidden_spans(sight: Array, planes: Array, offsets: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return what shadows, as from `shadows_of`, leave of segments (K, 2, 3): which (P,), and spans (P, 2)."""
-    low, high = _hidden_intervals(sight, planes, offsets)
-    spans = _gaps(low, high)
-    which, gap = np.nonzero(spans[..., 1] - spans[..., 0] > _MIN_SPAN)
-    return which, spans[which, gap]
 
 
 def hidden_by_heights(
@@ -66,9 +57,9 @@ def hidden_by_heights(
     for height in sorted(set(heights_m)):
         for corner in corners:
             eye = np.append(corner, height)
-            solid = shadows_of(walls, eye, _LENIENT_MARGIN_M, tops, below=True)
-            hanging = shadows_of(edges, eye, _LENIENT_MARGIN_M, bottoms, below=False)
-            start, end = _hidden_intervals(wire_map.sight_endpoints[rows[left]], *_joined(solid, hanging))
+            solid = shadows_of(walls, eye, _LENIENT_MARGIN_M, tops, True)
+            hanging = shadows_of(edges, eye, _LENIENT_MARGIN_M, bottoms, False)
+            start, end = hidden_intervals(wire_map.sight_endpoints[rows[left]], *_joined(solid, hanging))
             hidden &= (start <= 0.0) & (end >= 1.0)
             still = hidden.any(axis=1)
             left, hidden = left[still], hidden[still]
@@ -81,63 +72,14 @@ def _shadows(wire_map: WireMap, eye: Array) -> tuple[Array, Array]:
     # Leaving the floor means crossing a wall from its floor side, but a low obstacle can also hide
     # things behind its far side, over which the sight line came down.
     acts = (side > 0.0) | np.isfinite(wire_map.wall_tops_m)
-    solid = shadows_of(wire_map.walls[acts], eye, _WALL_MARGIN_M, wire_map.wall_tops_m[acts], below=True)
-    hanging = shadows_of(wire_map.lintels, eye, _LINTEL_MARGIN_M, wire_map.lintel_bottoms_m, below=False)
+    solid = shadows_of(wire_map.walls[acts], eye, _WALL_MARGIN_M, wire_map.wall_tops_m[acts], True)
+    hanging = shadows_of(wire_map.lintels, eye, _LINTEL_MARGIN_M, wire_map.lintel_bottoms_m, False)
     return _joined(solid, hanging)
 
 
 def _joined(solid: tuple[Array, Array], hanging: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Shadows of walls and of lintels in one; walls without tops have no fourth plane, and get an open one."""
-    if solid[0].shape[1] < hanging[0].shape[1]:
-        normals = np.concatenate([solid[0], np.zeros((len(solid[0]), 1, 3))], axis=1)
-        solid = normals, np.concatenate([solid[1], np.full((len(solid[1]), 1), -1.0)], axis=1)
+    """Shadows of walls and of lintels in one."""
     return np.concatenate([solid[0], hanging[0]]), np.concatenate([solid[1], hanging[1]])
-
-
-def shadows_of(
-    edges: Array, eye: Array, margin_m: float, heights: Array, *, below: bool
-) -> tuple[Array, Array]:
-    """Return the shadow half-spaces of vertical rectangles on plan edges (S, 2, 2), solid below or above.
-
-    `eye`: (3,). `heights`: (S,), infinite for walls without a top. What lies less than `margin_m` behind is not
-    hidden. Normals (S, 4, 3) and offsets (S, 4): a point is hidden where all normal . p > offset. Where no wall
-    has a top, the fourth plane is left out.
-    """
-    left = cross_plan(edges[:, 1] - edges[:, 0], eye[:2] - edges[:, 0]) >= 0.0
-    a = np.where(left[:, None], edges[:, 0], edges[:, 1]) - eye[:2]
-    b = np.where(left[:, None], edges[:, 1], edges[:, 0]) - eye[:2]
-    along = (b - a) / np.maximum(np.linalg.norm(b - a, axis=1), 1e-12)[:, None]
-    zero = np.zeros(len(edges))
-    # Relative to the eye, for a wall seen with a on the left-hand end: inside the wedge, behind the wall.
-    normals = np.stack(
-        [
-            np.column_stack([-a[:, 1], a[:, 0], zero]),
-            np.column_stack([b[:, 1], -b[:, 0], zero]),
-            np.column_stack([along[:, 1], -along[:, 0], zero]),
-            np.zeros((len(edges), 3)),
-        ],
-        axis=1,
-    )
-    limits = np.zeros((len(edges), 4))
-    limits[:, 2] = along[:, 1] * a[:, 0] - along[:, 0] * a[:, 1] + margin_m
-    # The plane through the eye and the rectangle's horizontal edge, upwards normal.
-    bounded = np.isfinite(heights)
-    if below and not bounded.any():
-        return normals[:, :3], (limits + normals @ eye)[:, :3]
-    rise = np.where(bounded, heights - eye[2], 0.0)
-    upwards = np.cross(np.column_stack([a, rise]), np.column_stack([b, rise]))
-    normals[bounded, 3] = (-upwards if below else upwards)[bounded]
-    limits[~bounded, 3] = -1.0 if below else np.inf
-    return normals, limits + normals @ eye
-
-
-def _hidden_intervals(sight: Array, normals: Array, offsets: Array) -> tuple[Array, Array]:
-    """Clip segments (K, 2, 3) by each shadow: parameters low, high (K, S); empty where low >= high."""
-    start, end = (
-        [sight[:, end] @ normals[:, plane].T - offsets[:, plane] for plane in range(normals.shape[1])]
-        for end in (0, 1)
-    )
-    return inside_interval(start, end)
 
 
 def inside_interval(start: Sequence[Array], end: Sequence[Array]) -> tuple[Array, Array]:
@@ -155,17 +97,6 @@ def inside_interval(start: Sequence[Array], end: Sequence[Array]) -> tuple[Array
             high = np.minimum(high, np.where(slope < 0.0, crossing, 1.0))
             high = np.where((slope == 0.0) & (first <= 0.0), -1.0, high)
     return np.minimum(low, 1.0), np.maximum(high, 0.0)
-
-
-def _gaps(low: Array, high: Array) -> Array:
-    """Return what the union of the intervals (K, S) leaves of [0, 1]: (K, S + 1, 2), some of it empty."""
-    empty = low >= high
-    low, high = np.where(empty, 1.0, low), np.where(empty, 1.0, high)
-    order = np.argsort(low, axis=1)
-    low = np.take_along_axis(low, order, axis=1)
-    reached = np.maximum.accumulate(np.take_along_axis(high, order, axis=1), axis=1)
-    edge = np.zeros((len(low), 1))
-    return np.stack([np.hstack([edge, reached]), np.hstack([low, edge + 1.0])], axis=2)
 
 
 def cross_plan(a: Array, b: Array) -> Array:
