@@ -13,6 +13,7 @@ from localization.smoother import SmootherConfig, smooth
 from localization.window import State
 from maps.errors import InputError
 from maps.outcomes import Fix, Outcome, PoseBelief, SearchWindow
+from maps.regioncache import cached_regions
 from runs.config import RunConfig
 from runs.records import Passage
 from runs.runlog import RunLog, StepRecord, Trajectories, Trajectory
@@ -103,7 +104,9 @@ class _Eye:
         """Open it; a session without images needs none."""
         if not session.frames or session.camera is None or session.wire_map is None:
             return None
-        return cls(session.camera, LineMatcher(session.camera, session.wire_map, config))
+        height = session.camera.mount.height_m
+        regions = cached_regions(session.wire_map, (height, height))
+        return cls(session.camera, LineMatcher(session.camera, session.wire_map, config, regions))
 
     def look(self, frame: Frame, window: SearchWindow) -> tuple[Outcome, Mapping[str, float]]:
         """Match a frame against the map inside the window; the milliseconds it took, by stage."""

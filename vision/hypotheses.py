@@ -7,23 +7,25 @@ other and wrong ones scatter: couples vote in cells of (x, y, phi), and the full
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from maps.outcomes import SearchWindow
-from maps.poses import Array, wrap_angle
+from maps.poses import Array
 from vision.camera import Camera
-from vision.constraints import Correspondences, position_lines
+from vision.constraints import Correspondences
 
 
 @dataclass(frozen=True, slots=True)
 class HypothesisConfig:
     """How many hypotheses, and how coarse."""
 
-    #: Couples tried; above this a reproducible sample of them.
-    max_couples: int = 60_000
+    #: Couples tried; above this an even sample of them.
+    max_couples: int = 20_000
     #: Position lines that cross at a smaller angle fix the position too badly.
     min_crossing_rad: float = 0.2
     #: Two non-vertical pairs must agree on the heading to this.
@@ -33,82 +35,116 @@ class HypothesisConfig:
     cell_rad: float = 0.012
     #: The fullest cells that become hypotheses.
     max_from_couples: int = 250
-    #: Steps of the grid from the centre to the edge of the window, per dimension.
-    grid_steps: int = 3
+    #: Steps of the grid over the window.
+    grid_m: float = 0.12
+    grid_rad: float = 0.025
 
 
 def couple_hypotheses(
     camera: Camera, pairs: Correspondences, window: SearchWindow, config: HypothesisConfig
 ) -> Array:
     """Return poses (H, 3) as (x, y, phi) that couples of correspondences agree on, most votes first."""
-    first, second = _couples(pairs, config)
-    phi = _agreed_heading(pairs, first, second, config)
-    known = np.isfinite(phi)
-    first, second, phi = first[known], second[known], phi[known]
-    line_a, offset_a = position_lines(camera, pairs.normals_level[first], pairs.points[first], phi)
-    line_b, offset_b = position_lines(camera, pairs.normals_level[second], pairs.points[second], phi)
-    crossing = line_a[:, 0] * line_b[:, 1] - line_a[:, 1] * line_b[:, 0]
-    crosses = np.abs(crossing) > np.sin(config.min_crossing_rad)
-    crossing = np.where(crosses, crossing, 1.0)
-    x = (offset_a * line_b[:, 1] - offset_b * line_a[:, 1]) / crossing
-    y = (offset_b * line_a[:, 0] - offset_a * line_b[:, 0]) / crossing
-    lever = camera.mount.x_m + 1j * camera.mount.y_m
-    robot = (x + 1j * y) - lever * np.exp(1j * phi)
-    poses = np.column_stack([robot.real, robot.imag, phi])[crosses]
-    return _fullest_cells(poses[_inside(poses, window)], window, config)
+    half = np.array([window.dt_m, window.dt_m, window.dphi_rad])
+    size = np.array([config.cell_m, config.cell_m, config.cell_rad])
+    shape = np.ceil(2.0 * half / size).astype(np.int64) + 1
+    votes, sums = _vote(
+        pairs.rows,
+        pairs.lines,
+        pairs.phi,
+        pairs.normals_level,
+        pairs.points,
+        np.array([camera.mount.x_m, camera.mount.y_m, camera.mount.height_m, camera.mount.yaw_rad]),
+        window.centre.as_array(),
+        half,
+        size,
+        shape,
+        config.max_couples,
+        config.heading_agreement_rad,
+        math.sin(config.min_crossing_rad),
+    )
+    full = np.flatnonzero(votes)
+    full = full[np.argsort(-votes[full], kind="stable")[: config.max_from_couples]]
+    result: Array = window.centre.as_array() + sums[full] / votes[full, None]
+    return result
 
 
 def grid_hypotheses(window: SearchWindow, config: HypothesisConfig) -> Array:
     """Return poses (H, 3) on a regular grid over the window, its centre among them."""
-    steps = np.linspace(-1.0, 1.0, 2 * config.grid_steps + 1)
-    dx, dy, dphi = (axis.ravel() for axis in np.meshgrid(steps, steps, steps, indexing="ij"))
+    across = np.linspace(-1.0, 1.0, 2 * math.ceil(window.dt_m / config.grid_m) + 1)
+    around = np.linspace(-1.0, 1.0, 2 * math.ceil(window.dphi_rad / config.grid_rad) + 1)
+    dx, dy, dphi = (axis.ravel() for axis in np.meshgrid(across, across, around, indexing="ij"))
     inside = np.hypot(dx, dy) <= 1.0 + 1e-9
     offsets = np.column_stack([dx * window.dt_m, dy * window.dt_m, dphi * window.dphi_rad])[inside]
     result: Array = window.centre.as_array() + offsets
     return result
 
 
-def _couples(pairs: Correspondences, config: HypothesisConfig) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices of couples that use two segments, two lines, and at least one heading."""
-    with_heading = np.flatnonzero(np.isfinite(pairs.phi))
-    count = len(with_heading) * len(pairs)
-    if count > config.max_couples:
-        rng = np.random.default_rng(count)  # the same couples for the same image: runs repeat bit for bit
-        chosen = rng.choice(count, config.max_couples, replace=False)
-    else:
-        chosen = np.arange(count)
-    first, second = with_heading[chosen // len(pairs)], chosen % len(pairs)
-    useful = (pairs.rows[first] != pairs.rows[second]) & (pairs.lines[first] != pairs.lines[second])
-    return first[useful], second[useful]
+@njit(cache=True, nogil=True)
+def _vote(
+    rows: NDArray[np.int64],
+    lines: NDArray[np.int64],
+    headings: Array,
+    normals: Array,
+    points: Array,
+    mount: Array,
+    centre: Array,
+    half: Array,
+    size: Array,
+    shape: NDArray[np.int64],
+    max_couples: int,
+    agreement_rad: float,
+    min_crossing: float,
+) -> tuple[NDArray[np.int64], Array]:
+    """Solve couples of correspondences; count the poses in each cell (C,), and sum their offsets (C, 3)."""
+    votes, sums = np.zeros(shape.prod(), np.int64), np.zeros((shape.prod(), 3))
+    with_heading = np.flatnonzero(np.isfinite(headings))
+    couples = len(with_heading) * len(rows)
+    tried = min(couples, max_couples)
+    for number in range(tried):
+        couple = number * couples // tried
+        first, second = with_heading[couple // len(rows)], couple % len(rows)
+        if rows[first] == rows[second] or lines[first] == lines[second]:
+            continue
+        phi = headings[first]
+        if math.isfinite(headings[second]):
+            if second < first:
+                continue  # the same couple, the other way round
+            gap = _wrapped(headings[second] - phi)
+            if abs(gap) > agreement_rad:
+                continue
+            phi += 0.5 * gap
+        turned = _wrapped(phi - centre[2])
+        if abs(turned) > half[2]:
+            continue
+        ax, ay, a = _position_line(normals[first], points[first], phi + mount[3], mount[2])
+        bx, by, b = _position_line(normals[second], points[second], phi + mount[3], mount[2])
+        crossing = ax * by - ay * bx
+        if abs(crossing) < min_crossing:
+            continue
+        cos, sin = math.cos(phi), math.sin(phi)
+        x = (a * by - b * ay) / crossing - (cos * mount[0] - sin * mount[1]) - centre[0]
+        y = (b * ax - a * bx) / crossing - (sin * mount[0] + cos * mount[1]) - centre[1]
+        if x * x + y * y > half[0] ** 2:
+            continue
+        cell = int((x + half[0]) / size[0]) * shape[1] + int((y + half[1]) / size[1])
+        cell = cell * shape[2] + int((turned + half[2]) / size[2])
+        votes[cell] += 1
+        sums[cell, 0] += x
+        sums[cell, 1] += y
+        sums[cell, 2] += turned
+    return votes, sums
 
 
-def _agreed_heading(
-    pairs: Correspondences, first: NDArray[np.int64], second: NDArray[np.int64], config: HypothesisConfig
-) -> Array:
-    """The couples' headings (K,): the mean where both have one and agree; NaN where they disagree."""
-    gap = wrap_angle(pairs.phi[second] - pairs.phi[first])
-    mean = wrap_angle(pairs.phi[first] + 0.5 * np.nan_to_num(gap))
-    with np.errstate(invalid="ignore"):
-        return np.where(np.abs(gap) > config.heading_agreement_rad, np.nan, mean)
+@njit(cache=True, nogil=True)
+def _position_line(normal: Array, point: Array, psi: float, height: float) -> tuple[float, float, float]:
+    """Equation (2.b) of one pair, as in `vision.constraints.position_lines`: unit normal and offset."""
+    cos, sin = math.cos(psi), math.sin(psi)
+    x, y = cos * normal[0] - sin * normal[1], sin * normal[0] + cos * normal[1]
+    scale = max(math.hypot(x, y), 1e-9)
+    offset = x * point[0] + y * point[1] + normal[2] * (point[2] - height)
+    return x / scale, y / scale, offset / scale
 
 
-def _inside(poses: Array, window: SearchWindow) -> NDArray[np.bool_]:
-    away = poses - window.centre.as_array()
-    near = np.hypot(away[:, 0], away[:, 1]) <= window.dt_m
-    result: NDArray[np.bool_] = near & (np.abs(wrap_angle(away[:, 2])) <= window.dphi_rad)
-    return result
-
-
-def _fullest_cells(poses: Array, window: SearchWindow, config: HypothesisConfig) -> Array:
-    """The mean pose of each of the fullest voting cells, most votes first."""
-    if not len(poses):
-        return poses
-    away = poses - window.centre.as_array()
-    away[:, 2] = wrap_angle(away[:, 2])
-    cells = np.floor(away / [config.cell_m, config.cell_m, config.cell_rad]).astype(np.int64)
-    _, cell, votes = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    cell = cell.ravel()
-    means = np.column_stack([np.bincount(cell, away[:, axis]) / votes for axis in range(3)])
-    order = np.argsort(-votes, kind="stable")[: config.max_from_couples]
-    result: Array = means[order] + window.centre.as_array()
-    return result
+@njit(cache=True, nogil=True)
+def _wrapped(angle: float) -> float:
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi

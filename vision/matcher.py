@@ -7,22 +7,28 @@ import time
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maps.outcomes import Look, NoFix, Outcome, Reason, SearchWindow
 from maps.poses import Array, Pose2, wrap_angle
+from maps.regions import ViewRegions
 from maps.wiremap import WireMap
 from vision.camera import Camera
 from vision.constraints import unary_correspondences
 from vision.decision import DecisionConfig, decide
 from vision.hypotheses import HypothesisConfig, couple_hypotheses, grid_hypotheses
 from vision.images import GreyImage
+from vision.linefield import FieldConfig, field_scores, line_field
 from vision.lines import ImageSegments, LineConfig, extract_segments
+from vision.measurements import measured_lines
 from vision.projection import Prediction, Projector
-from vision.refinement import Candidate, RefinementConfig, refine_poses
-from vision.scoring import quick_scores
+from vision.refinement import Candidate, RefinementConfig, Scene, refine_poses
+from vision.viewpoints import viewpoints_in
 
 #: How far edges are, for how much a step of the robot may bring into the image.
 _TYPICAL_RANGE_M = 2.0
+#: A refined pose may leave its window by this; the regions of a window are asked for as much more.
+_MARGIN_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,10 +37,9 @@ class MatcherConfig:
 
     lines: LineConfig = field(default_factory=LineConfig)
     hypotheses: HypothesisConfig = field(default_factory=HypothesisConfig)
+    coarse: FieldConfig = field(default_factory=FieldConfig)
     refinement: RefinementConfig = field(default_factory=RefinementConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)
-    #: Width of the quick score's kernel.
-    kernel_px: float = 4.0
     #: A window wider than this in heading, to either side, is searched slice by slice.
     slice_rad: float = 0.6
     #: Hypotheses that are refined, and how far apart they must be to count as different.
@@ -44,10 +49,19 @@ class MatcherConfig:
 
 
 class LineMatcher:
-    """Finds the pose of one camera against one map; keeps nothing from image to image but timings."""
+    """Finds the pose of one camera against one map; keeps nothing from image to image but timings.
 
-    def __init__(self, camera: Camera, wire_map: WireMap, config: MatcherConfig | None = None) -> None:
-        self.camera, self.wire_map = camera, wire_map
+    `regions`: of the map, at the camera's height; without them every segment is considered everywhere.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        wire_map: WireMap,
+        config: MatcherConfig | None = None,
+        regions: ViewRegions | None = None,
+    ) -> None:
+        self.camera, self.wire_map, self.regions = camera, wire_map, regions
         self.config = config or MatcherConfig()
         self.projector = Projector(camera, wire_map)
         #: Milliseconds that the last image took: "extract" and "match".
@@ -65,33 +79,61 @@ class LineMatcher:
 
     def match_segments(self, segments: ImageSegments, stamp_ns: int, window: SearchWindow) -> Outcome:
         """Match extracted segments inside a window: the paper's chain, from selection to verification."""
-        slices = [self._visible_from(part) for part in self._slices(window)]
-        predicted = slices[len(slices) // 2]
-        rows = np.unique(np.concatenate([part.rows for part in slices]))
+        rows = self._selected(window)
+        slices = [(part, self._predicted(part, rows)) for part in self._slices(window)]
+        predicted = slices[len(slices) // 2][1]
+        selected = len(np.unique(np.concatenate([seen.rows for _, seen in slices])))
         look = Look(
             lines_px=segments.raw_px,
             predicted_px=self._raw_pixels(predicted),
             predicted_map=predicted.rows,
-            selected=len(rows),
+            selected=selected,
         )
         if len(segments) < self.config.decision.min_matched:
             return NoFix(Reason.TOO_FEW_SEGMENTS, look)
-        if len(rows) < self.config.decision.min_matched:
+        if selected < self.config.decision.min_matched:
             return NoFix(Reason.NOTHING_VISIBLE, look)
-        scored = [
-            self._scored_hypotheses(segments, part, visible)
-            for part, visible in zip(self._slices(window), slices, strict=True)
-        ]
-        hypotheses, scores = (np.concatenate(parts) for parts in zip(*scored, strict=True))
+        hypotheses = self._hypotheses(segments, window, slices)
         look = replace(look, hypotheses=len(hypotheses))
+        coarse = self.config.coarse
+        viewpoints = viewpoints_in(self.projector, window, rows)
+        spread_out = line_field(segments, self.projector, coarse.kernel_px)
+        nearest = viewpoints.nearest(hypotheses)
+        scores = field_scores(spread_out, self.projector, viewpoints, hypotheses, nearest, coarse)
         starts = self._best_that_differ(hypotheses, scores)
-        # Each pose is judged by all that it would see, and not only by what the window's centre sees.
-        every = np.arange(len(self.wire_map))
-        refined = refine_poses(self.projector, starts, every, segments, stamp_ns, self.config.refinement)
+        lines = measured_lines(segments, self.camera.focal_px, self.config.refinement.edge_model_px)
+        refined = refine_poses(Scene(self.projector, rows, lines), starts, stamp_ns, self.config.refinement)
         candidates = [candidate for candidate in refined if _within(candidate.belief.pose, window)]
         if not candidates:
             return NoFix(Reason.NO_HYPOTHESIS, look)
         return decide(candidates, self._looked_at(candidates[0], look), self.config.decision)
+
+    def _selected(self, window: SearchWindow) -> NDArray[np.int64]:
+        """The segments that can be seen from somewhere in the window."""
+        if self.regions is None:
+            return np.arange(len(self.wire_map))
+        centre = window.centre @ Pose2(
+            self.camera.mount.x_m, self.camera.mount.y_m, self.camera.mount.yaw_rad
+        )
+        lever = math.hypot(self.camera.mount.x_m, self.camera.mount.y_m) * min(window.dphi_rad, 2.0)
+        half_view = math.atan(np.abs(self.projector.bounds[:2]).max())
+        return self.regions.visible(
+            (centre.x, centre.y),
+            window.dt_m + lever + _MARGIN_M,
+            centre.phi,
+            window.dphi_rad + half_view + 0.05,
+        )
+
+    def _hypotheses(
+        self, segments: ImageSegments, window: SearchWindow, slices: list[tuple[SearchWindow, Prediction]]
+    ) -> Array:
+        """Poses (H, 3) of the window: those that couples of correspondences agree on, and a grid."""
+        config = self.config.hypotheses
+        couples = []
+        for part, predicted in slices:
+            pairs = unary_correspondences(self.camera, self.wire_map, segments, predicted, part)
+            couples.append(couple_hypotheses(self.camera, pairs, part, config))
+        return np.concatenate([*couples, grid_hypotheses(window, config)])
 
     def _slices(self, window: SearchWindow) -> list[SearchWindow]:
         """The window in an odd number of slices of heading, each predictable from its centre."""
@@ -103,23 +145,10 @@ class LineMatcher:
         x, y, phi = window.centre.as_array()
         return [SearchWindow(Pose2(x, y, phi + offset), window.dt_m, half) for offset in offsets]
 
-    def _visible_from(self, window: SearchWindow) -> Prediction:
+    def _predicted(self, window: SearchWindow, rows: NDArray[np.int64]) -> Prediction:
         """The segments that may be seen from the window, as they appear from its centre."""
         margin = self.camera.focal_px * (math.tan(min(window.dphi_rad, 1.0)) + window.dt_m / _TYPICAL_RANGE_M)
-        return self.projector.predict(window.centre, np.arange(len(self.wire_map)), margin)
-
-    def _scored_hypotheses(
-        self, segments: ImageSegments, window: SearchWindow, predicted: Prediction
-    ) -> tuple[Array, Array]:
-        """Poses (H, 3) of the window that some pairs support, and their quick scores (H,)."""
-        pairs = unary_correspondences(self.camera, self.wire_map, segments, predicted, window)
-        if not len(pairs):
-            return np.zeros((0, 3)), np.zeros(0)
-        config = self.config.hypotheses
-        couples = couple_hypotheses(self.camera, pairs, window, config)
-        poses = np.concatenate([couples, grid_hypotheses(window, config)])
-        kernel = self.config.kernel_px
-        return poses, quick_scores(self.camera, self.wire_map, segments, pairs, predicted, poses, kernel)
+        return self.projector.predict(window.centre, rows, margin)
 
     def _best_that_differ(self, poses: Array, scores: Array) -> list[Pose2]:
         """The best hypotheses by quick score, each at some distance from all better ones."""

@@ -23,9 +23,9 @@ from maps.poses import Array, Pose2
 from vision.camera import Camera
 from vision.linecost import STATES, linearise, maximise
 
-#: Degrees of freedom of the residuals' Student distribution: its weights fall off with the square of the
-#: distance, so a neighbouring edge taken for the right one hardly pulls.
-STUDENT = 8.0
+#: Degrees of freedom of the residuals' Student distribution where nobody says: its weights fall off with the
+#: square of the distance, so a neighbouring edge taken for the right one hardly pulls. Gaussian noise has many.
+STUDENT = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,9 +73,12 @@ def distances_and_jacobian(state: Array, camera: Camera, seen: LineObservations)
 
 
 def estimate_pose(
-    start: Pose2, camera: Camera, seen: LineObservations, max_iterations: int = 12
+    start: Pose2, camera: Camera, seen: LineObservations, student: float = STUDENT, max_iterations: int = 12
 ) -> PoseEstimate:
-    """Maximise the likelihood of the distances, Student distributed, by Levenberg-Marquardt from `start`."""
+    """Maximise the likelihood of the distances by Levenberg-Marquardt from `start`.
+
+    They are Student distributed, with `student` degrees of freedom.
+    """
     state = np.zeros(STATES)
     state[:3] = start.as_array()
     state, information, deviations = maximise(
@@ -87,7 +90,7 @@ def estimate_pose(
         seen.rays,
         seen.sigma_middle_px,
         seen.sigma_slope_px,
-        STUDENT,
+        student,
         max_iterations,
     )
     spread = float(np.median(np.abs(deviations)) / 0.6745) if len(deviations) else 1.0
@@ -120,11 +123,11 @@ def nuisance_information(camera: Camera) -> Array:
     return result
 
 
-def student_log_density(distance: Array, sigma: Array) -> Array:
+def student_log_density(distance: Array, sigma: Array, student: float = STUDENT) -> Array:
     """Return the log density of distances under the estimator's noise, scaled by sigma; any shape."""
-    peak = math.lgamma(0.5 * (STUDENT + 1.0)) - math.lgamma(0.5 * STUDENT)
-    peak -= 0.5 * math.log(math.pi * STUDENT)
-    tail: Array = peak - np.log(sigma) - 0.5 * (STUDENT + 1.0) * np.log1p((distance / sigma) ** 2 / STUDENT)
+    peak = math.lgamma(0.5 * (student + 1.0)) - math.lgamma(0.5 * student)
+    peak -= 0.5 * math.log(math.pi * student)
+    tail: Array = peak - np.log(sigma) - 0.5 * (student + 1.0) * np.log1p((distance / sigma) ** 2 / student)
     return tail
 
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from maps.outcomes import PoseBelief
 from maps.poses import Array, Pose2
-from vision.association import Matches, associate
-from vision.lines import ImageSegments
+from vision.association import GATE_SIGMAS, Matches, associate
+from vision.measurements import LineMeasurements
 from vision.pose import LineObservations, PoseEstimate, estimate_pose
 from vision.projection import Prediction, Projector
 from vision.scoring import EvidenceConfig, log_likelihood_ratio
@@ -24,8 +24,15 @@ _MIN_SEGMENTS = 3
 class RefinementConfig:
     """How matching and estimation alternate."""
 
-    #: Largest distance of a line from its predicted segment, stage by stage.
-    gates_px: tuple[float, ...] = (12.0, 6.0, 4.0)
+    #: How far the pose may still shift the picture, stage by stage: one standard deviation.
+    pose_px: tuple[float, ...] = (4.0, 2.0, 1.3)
+    #: After each stage, trials that pair less than this share of the most go no further.
+    paired_share: tuple[float, ...] = (0.5, 0.6, 0.7)
+    #: What the ends of a real edge are off the straight, sharp ideal, beside the image's noise: edges are rounded,
+    #: unevenly lit and, under distortion, bent.
+    edge_model_px: float = 0.5
+    #: Degrees of freedom of the residuals' Student distribution: few where lines are mistaken for their neighbours.
+    student: float = 3.0
     #: How much better or worse than promised, as a factor, lines may turn out to fit.
     spread_limits: tuple[float, float] = (0.3, 1.5)
     #: Optima nearer than this to a better one are the same.
@@ -55,94 +62,102 @@ class _Trial:
 
     pose: Pose2
     spread: float = 1.0
+    paired_px: float = 0.0
     estimate: PoseEstimate | None = None
 
 
-def refine_poses(
-    projector: Projector,
-    starts: list[Pose2],
-    rows: NDArray[np.int64],
-    segments: ImageSegments,
-    stamp_ns: int,
-    config: RefinementConfig,
-) -> list[Candidate]:
-    """Return the optima near the starts, best first; starts that run out of matches or meet drop out.
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """What refinement works on: a map through a camera, the segments `rows` that may be visible, an image's lines."""
 
-    `rows`: the map segments that may be visible.
-    """
+    projector: Projector
+    rows: NDArray[np.int64]
+    lines: LineMeasurements
+
+    def matched(self, pose: Pose2, pose_px: float, spread: float) -> tuple[Prediction, Matches]:
+        """Predict from a pose, and pair what is predicted with the image's lines.
+
+        `spread`: how much better or worse than it promises the map fits.
+        """
+        predicted = self.projector.predict(pose, self.rows)
+        polarity = self.projector.wire_map.polarity[predicted.rows]
+        return predicted, associate(predicted, self.lines, pose_px, spread * self.map_px(predicted), polarity)
+
+    def map_px(self, predicted: Prediction) -> Array:
+        """Return what the map's uncertainty makes in the image, one standard deviation, pixels (P,)."""
+        sigma = self.projector.wire_map.sigma_m[predicted.rows]
+        result: Array = 2.0 * self.projector.camera.focal_px * sigma / predicted.depths_m.sum(axis=1)
+        return result
+
+
+def refine_poses(
+    scene: Scene, starts: list[Pose2], stamp_ns: int, config: RefinementConfig
+) -> list[Candidate]:
+    """Return the optima near the starts, best first; starts that run out of matches or meet drop out."""
     trials = [_Trial(start) for start in starts]
-    for gate in config.gates_px:
-        improved = (_improve(projector, trial, rows, segments, gate, config) for trial in trials)
+    for pose_px, share in zip(config.pose_px, config.paired_share, strict=True):
+        improved = [_improve(scene, trial, pose_px, config) for trial in trials]
         trials = _distinct([trial for trial in improved if trial is not None], config)
-    gate = config.gates_px[-1]
-    candidates = (_judge(projector, trial, rows, segments, stamp_ns, gate, config) for trial in trials)
+        most = max((trial.paired_px for trial in trials), default=0.0)
+        trials = [trial for trial in trials if trial.paired_px >= share * most]
+    candidates = (_judge(scene, trial, stamp_ns, config) for trial in trials)
     return sorted(candidates, key=lambda candidate: -candidate.score)
 
 
-def _improve(
-    projector: Projector,
-    trial: _Trial,
-    rows: NDArray[np.int64],
-    segments: ImageSegments,
-    gate_px: float,
-    config: RefinementConfig,
-) -> _Trial | None:
-    """Match within the gate and estimate once; None where too little matches."""
-    predicted = projector.predict(trial.pose, rows)
-    matches = associate(projector.camera, predicted, segments, gate_px)
-    if len(np.unique(predicted.rows[matches.pieces])) < _MIN_SEGMENTS:
+def _improve(scene: Scene, trial: _Trial, pose_px: float, config: RefinementConfig) -> _Trial | None:
+    """Match and estimate once; None where too little matches."""
+    predicted, matches = scene.matched(trial.pose, pose_px, trial.spread)
+    if len(set(predicted.rows[matches.pieces].tolist())) < _MIN_SEGMENTS:
         return None
-    seen = observations(projector, predicted, matches, segments, trial.spread)
-    estimate = estimate_pose(trial.pose, projector.camera, seen)
-    spread = float(np.clip(trial.spread * estimate.spread, *config.spread_limits))
-    return _Trial(estimate.pose, spread, estimate)
+    seen = observations(scene, predicted, matches, trial.spread)
+    estimate = estimate_pose(trial.pose, scene.projector.camera, seen, config.student)
+    spread = min(max(trial.spread * estimate.spread, config.spread_limits[0]), config.spread_limits[1])
+    return _Trial(estimate.pose, spread, float(scene.lines.lengths_px[matches.lines].sum()), estimate)
 
 
-def _judge(
-    projector: Projector,
-    trial: _Trial,
-    rows: NDArray[np.int64],
-    segments: ImageSegments,
-    stamp_ns: int,
-    gate_px: float,
-    config: RefinementConfig,
-) -> Candidate:
+def _judge(scene: Scene, trial: _Trial, stamp_ns: int, config: RefinementConfig) -> Candidate:
     """Weigh a refined pose by all that should be seen from it."""
     assert trial.estimate is not None
-    predicted = projector.predict(trial.pose, rows)
-    matches = associate(projector.camera, predicted, segments, gate_px)
-    sigma = observations(projector, predicted, matches, segments, trial.spread).sigma_middle_px
+    predicted, matches = scene.matched(trial.pose, config.pose_px[-1], trial.spread)
+    sigma = observations(scene, predicted, matches, trial.spread).sigma_middle_px
+    lines, camera = scene.lines, scene.projector.camera
+    line_px = float(np.median(lines.sigma_middle_px))
+    map_px = trial.spread * scene.map_px(predicted)
+    gates = GATE_SIGMAS * np.sqrt(map_px**2 + config.pose_px[-1] ** 2 + line_px**2)
     score = log_likelihood_ratio(
-        projector.wire_map, predicted, matches, segments, projector.camera, gate_px, sigma, config.evidence
+        predicted,
+        matches,
+        lines,
+        scene.projector.wire_map.detection_rate[predicted.rows],
+        gates,
+        sigma,
+        float(camera.width * camera.height),
+        config.student,
+        config.evidence,
     )
     return Candidate(PoseBelief(stamp_ns, trial.pose, trial.estimate.covariance), predicted, matches, score)
 
 
 def observations(
-    projector: Projector, predicted: Prediction, matches: Matches, segments: ImageSegments, spread: float
+    scene: Scene, predicted: Prediction, matches: Matches, spread: float = 1.0
 ) -> LineObservations:
     """Return the matched pairs as the estimator weighs them: image noise, and the map's own uncertainty.
 
     `spread` scales both: a map that fits the image better than it promised is believed.
     """
-    camera, wire_map = projector.camera, projector.wire_map
+    projector, lines = scene.projector, scene.lines
     rows = predicted.rows[matches.pieces]
-    ends = wire_map.endpoints[rows]
-    direction = ends[:, 1] - ends[:, 0]
-    direction = direction / np.linalg.norm(direction, axis=1)[:, None]
-    focal = np.full((len(matches), 2, 1), camera.focal_px)
-    depth = predicted.depths_m[matches.pieces].mean(axis=1)
     # The fragments of one segment share the error of its place in the map.
     fragments = np.bincount(matches.pieces, minlength=len(predicted))[matches.pieces]
-    map_px = camera.focal_px * wire_map.sigma_m[rows] / depth * np.sqrt(fragments)
-    line_px = segments.sigma_px[matches.lines] / math.sqrt(2.0)
-    share = segments.lengths_px[matches.lines] / predicted.lengths_px[matches.pieces]
+    map_px = scene.map_px(predicted)[matches.pieces] * np.sqrt(fragments)
+    share = lines.lengths_px[matches.lines] / predicted.lengths_px[matches.pieces]
     return LineObservations(
-        moments=np.cross(ends[:, 0], direction),
-        directions=direction,
-        rays=np.concatenate([segments.ideal_px[matches.lines], focal], axis=2),
-        sigma_middle_px=spread * np.hypot(line_px, map_px),
-        sigma_slope_px=spread * np.hypot(line_px, map_px * np.minimum(share, 1.0)),
+        moments=projector.moments[rows],
+        directions=projector.directions[rows],
+        rays=lines.rays[matches.lines],
+        sigma_middle_px=spread * np.hypot(lines.sigma_middle_px[matches.lines], map_px),
+        sigma_slope_px=spread
+        * np.hypot(lines.sigma_slope_px[matches.lines], map_px * np.minimum(share, 1.0)),
     )
 
 
