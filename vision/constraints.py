@@ -28,7 +28,7 @@ from vision.projection import Prediction
 #: Standard deviations allowed for noise in a test.
 SIGMAS = 3.0
 #: An edge this close to the vertical (cosine) says nothing about the heading.
-_VERTICAL_COSINE = 0.02
+VERTICAL_COSINE = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,10 +55,42 @@ def level_normals(camera: Camera, segments: ImageSegments) -> Array:
     rays = np.concatenate([segments.ideal_px, np.full((len(segments), 2, 1), camera.focal_px)], axis=2)
     normals = np.cross(rays[:, 0], rays[:, 1])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    mount = camera.mount
-    level = rotation_y(mount.pitch_down_rad) @ rotation_x(mount.roll_rad) @ BASE_FROM_OPTICAL
-    result: Array = normals @ level.T
+    result: Array = normals @ level_from_optical(camera).T
     return result
+
+
+def level_from_optical(camera: Camera) -> Array:
+    """Return the rotation (3, 3) from the optical frame into the camera's level frame."""
+    mount = camera.mount
+    return rotation_y(mount.pitch_down_rad) @ rotation_x(mount.roll_rad) @ BASE_FROM_OPTICAL
+
+
+def segment_lines(wire_map: WireMap, rows: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return unit directions (K, 3) and middles (K, 3) of map segments: v and p of equation (1)."""
+    direction = wire_map.endpoints[rows, 1] - wire_map.endpoints[rows, 0]
+    return direction / np.linalg.norm(direction, axis=1)[:, None], wire_map.endpoints[rows].mean(axis=1)
+
+
+def upright(directions: Array) -> NDArray[np.bool_]:
+    """Return which unit directions (..., 3) are vertical."""
+    result: NDArray[np.bool_] = np.hypot(directions[..., 0], directions[..., 1]) < VERTICAL_COSINE
+    return result
+
+
+def heading_terms(normals: Array, directions: Array) -> tuple[Array, Array, Array]:
+    """Return a, b, c of equation (2.a), a cos psi + b sin psi + c = 0; inputs broadcast, (..., 3) each."""
+    a = normals[..., 0] * directions[..., 0] + normals[..., 1] * directions[..., 1]
+    b = normals[..., 0] * directions[..., 1] - normals[..., 1] * directions[..., 0]
+    return a, b, normals[..., 2] * directions[..., 2]
+
+
+def heading_roots(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
+    """Solve equation (2.a): the heading psi is middle +- spread, radians, (...) each.
+
+    Where there is no real root the spread is 0 or pi: the heading that comes nearest.
+    """
+    r = np.maximum(np.hypot(a, b), 1e-12)
+    return np.arctan2(b, a), np.arccos(np.clip(-c / r, -1.0, 1.0))
 
 
 def unary_correspondences(
@@ -76,17 +108,15 @@ def unary_correspondences(
     rows = predicted.rows[piece]
     normals = level_normals(camera, segments)[line]
     noise = _angular_noise(camera, segments)[line]
-    direction = wire_map.endpoints[rows, 1] - wire_map.endpoints[rows, 0]
-    direction /= np.linalg.norm(direction, axis=1)[:, None]
-    points = wire_map.endpoints[rows].mean(axis=1)
+    direction, points = segment_lines(wire_map, rows)
 
-    vertical = np.hypot(direction[:, 0], direction[:, 1]) < _VERTICAL_COSINE
-    upright = np.abs(normals[:, 2]) <= SIGMAS * noise
+    vertical = upright(direction)
+    through_zenith = np.abs(normals[:, 2]) <= SIGMAS * noise
     keep, phi = np.zeros(len(rows), bool), np.full(len(rows), window.centre.phi)
     for root, phi_ok in _heading_test(normals, direction, noise, camera.mount.yaw_rad, window):
         phi = np.where(keep | vertical, phi, root)
         near = _line_meets_disc(camera, normals, points, phi, noise, vertical, window)
-        keep |= np.where(vertical, upright, phi_ok) & near
+        keep |= np.where(vertical, through_zenith, phi_ok) & near
     found = Correspondences(
         rows[keep], line[keep], np.where(vertical, np.nan, phi)[keep], normals[keep], points[keep]
     )
@@ -135,12 +165,10 @@ def _heading_test(
     normals: Array, direction: Array, noise: Array, yaw: float, window: SearchWindow
 ) -> list[tuple[Array, NDArray[np.bool_]]]:
     """Equation (2.a): its two roots (C,), that nearer to the window's heading first; whether inside."""
-    a = (normals[:, :2] * direction[:, :2]).sum(axis=1)
-    b = normals[:, 0] * direction[:, 1] - normals[:, 1] * direction[:, 0]
-    c = normals[:, 2] * direction[:, 2]
+    a, b, c = heading_terms(normals, direction)
     r = np.maximum(np.hypot(a, b), 1e-12)
-    spread = np.arccos(np.clip(-c / r, -1.0, 1.0))
-    roots = np.arctan2(b, a)[:, None] + spread[:, None] * [1.0, -1.0] - yaw
+    middle, spread = heading_roots(a, b, c)
+    roots = middle[:, None] + spread[:, None] * [1.0, -1.0] - yaw
     away = wrap_angle(roots - window.centre.phi)
     away = np.take_along_axis(away, np.abs(away).argsort(axis=1), axis=1).T
     # d(2.a)/dpsi at a root is r sin(spread): small for lines near the horizon, which say little.

@@ -6,21 +6,22 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maps.poses import Array
 from vision import linefit
 from vision.camera import Camera
-from vision.edgepoints import link_edges, mark_edges, measure_points, pixels_of
-from vision.gradient import gradient_of, pixel_noise
+from vision.edgepoints import Cells, link_edges, mark_edges, measure_points, pixels_of
+from vision.gradient import Gradient, gradient_of, pixel_noise
 from vision.images import GreyImage
 from vision.joining import join_lines
 from vision.linefit import fit_lines
-from vision.pieces import split_chains
+from vision.pieces import members_of, split_chains
 from vision.straightening import straighten
 
 #: Measurements of one line that a prior on their noise is worth.
 _PRIOR_LOOKS = 10.0
+#: Standard deviation of a pixel, grey levels, that rounding alone gives it.
+_ROUNDING = 1.0 / math.sqrt(12.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,32 +65,43 @@ class EdgeLines:
     contrast: Array
 
 
-def find_edges(image: GreyImage, camera: Camera, config: EdgeConfig) -> EdgeLines:
-    """Find the straight edges of a grey image (H, W), straight after undistortion."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Contours:
+    """Chains of edge pixels, the brighter side on the right: `cells` (Q,) and `starts` (C + 1,) of the chains."""
+
+    gradient: Gradient
+    smoothing_px: float
+    cells: Cells
+    starts: Cells
+
+
+def find_contours(image: GreyImage, config: EdgeConfig, least: int) -> Contours:
+    """Find the contours of a grey image (H, W) by Canny's method, in chains of at least `least` pixels."""
     # The noise of the gradient falls with the square of the smoothing.
     smoothing_px = config.smoothing_px * math.sqrt(max(pixel_noise(image) / config.clean_noise, 1.0))
     smoothing_px = min(smoothing_px, config.smoothing_most_px)
     gradient = gradient_of(image, smoothing_px)
     low = max(config.low_noise * gradient.noise, config.low_least)
     marks, seeds = mark_edges(gradient.dx, gradient.dy, low, config.high_ratio * low)
-    least = max(int(0.7 * config.piece_px), 2)
     cells, starts = link_edges(gradient.dx, gradient.dy, marks, seeds, least)
+    return Contours(gradient, smoothing_px, cells, starts)
+
+
+def find_edges(image: GreyImage, camera: Camera, config: EdgeConfig, min_length_px: float = 0.0) -> EdgeLines:
+    """Find the straight edges of a grey image (H, W), straight after undistortion, of some length."""
+    least = max(int(0.7 * config.piece_px), 2)
+    contours = find_contours(image, config, least)
+    gradient, cells = contours.gradient, contours.cells
     pixels = straighten(pixels_of(cells, image.shape[1]), camera)
-    pieces = split_chains(pixels, starts, config.straight_px, config.piece_px)
-    members, bounds = _members(pieces)
+    pieces = split_chains(pixels, contours.starts, config.straight_px, config.piece_px)
+    members, bounds = members_of(pieces)
     points = measure_points(gradient.dx, gradient.dy, cells[members])
     lines = fit_lines(points, straighten(points, camera), bounds)
     lines = lines[lines[:, linefit.W] >= 0.5 * least]
     lines = join_lines(lines, gradient.dx, gradient.dy, config.gap_px)
-    return _measured(lines, gradient.noise, smoothing_px, config.scatter_px)
-
-
-def _members(pieces: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """The points of all pieces, given by first and last, one after the other, and where each starts."""
-    counts = pieces[:, 1] - pieces[:, 0] + 1
-    starts = np.concatenate([[0], np.cumsum(counts)])
-    members = np.arange(starts[-1]) + np.repeat(pieces[:, 0] - starts[:-1], counts)
-    return members, starts.astype(np.int32)
+    along = lines[:, linefit.END : linefit.END + 2] - lines[:, linefit.START : linefit.START + 2]
+    lines = lines[np.hypot(along[:, 0], along[:, 1]) >= min_length_px]
+    return _measured(lines, gradient.noise, contours.smoothing_px, config.scatter_px)
 
 
 def _measured(lines: Array, noise: float, smoothing_px: float, scatter_px: float) -> EdgeLines:
@@ -98,6 +110,7 @@ def _measured(lines: Array, noise: float, smoothing_px: float, scatter_px: float
     Smoothing correlates what neighbouring points tell: points h apart along the edge are worth
     h / (sqrt(4 pi) s) each.
     """
+    noise = max(noise, _ROUNDING / (math.sqrt(8.0 * math.pi) * smoothing_px**2))
     along = lines[:, linefit.ALONG : linefit.ALONG + 2]
     spread, scatter = _second_moments(lines, along)
     straight = scatter <= scatter_px**2

@@ -21,10 +21,12 @@ COLUMNS = 6
 
 #: Squared cosine of the largest turn from one pixel of a chain to the next.
 _SMOOTH = np.float32(0.6)
+#: Share of an edge's strength that its profile has left a pixel away, at least.
+_LITTLE = np.float32(0.01)
 
 Slopes = NDArray[np.int16]
 Cells = NDArray[np.int32]
-#: (H, W): 0 no edge, 1 an edge pixel, 2 one that can start a chain, 3 one that belongs to a chain already.
+#: (H, W): 0 no edge, or one that belongs to a chain already, 1 an edge pixel, 2 one that can start a chain.
 Marks = NDArray[np.uint8]
 
 
@@ -36,7 +38,7 @@ def mark_edges(dx: Slopes, dy: Slopes, low: float, high: float) -> tuple[Marks, 
     """
     height, width = dx.shape
     marks = np.zeros((height, width), np.uint8)
-    seeds = np.empty(height * width // 2 + 1, np.int32)
+    seeds = np.empty(height * width, np.int32)
     squares = np.empty(width, np.int32)
     least, much = np.int32(min((low * GAIN) ** 2, 2e9)), np.int32(min((high * GAIN) ** 2, 2e9))
     count = 0
@@ -65,26 +67,26 @@ def mark_edges(dx: Slopes, dy: Slopes, low: float, high: float) -> tuple[Marks, 
 
 
 @njit(cache=True, nogil=True)
-def _next(y: int, x: int, sense: int, dx: Slopes, dy: Slopes, marks: Marks) -> tuple[int, int]:
-    """The free edge pixel that continues the edge in the next row or column; (-1, -1) where there is none.
+def _next(cell: int, sense: int, width: int, dx: Slopes, dy: Slopes, marks: Marks) -> int:
+    """The free edge pixel that continues the edge in the next row or column; -1 where there is none.
 
-    Of several the one whose gradient is most like this one's.
+    Of several the one whose gradient is most like this one's. The arrays are flat, (H * W,).
     """
-    gx, gy = np.float32(dx[y, x]), np.float32(dy[y, x])
-    steep = abs(gx) >= abs(gy)
-    forward = sense if (-gx if steep else gy) > 0 else -sense
+    gx, gy = np.float32(dx[cell]), np.float32(dy[cell])
+    if abs(gx) >= abs(gy):
+        ahead, aside = (sense if gx < 0 else -sense) * width, 1
+    else:
+        ahead, aside = sense if gy > 0 else -sense, width
     least = _SMOOTH * (gx * gx + gy * gy)
-    best_y, best_x, most = -1, -1, np.float32(0.0)
-    for aside in range(-1, 2):
-        row = y + (forward if steep else aside)
-        column = x + (aside if steep else forward)
-        if marks[row, column] == 0 or marks[row, column] == 3:
+    best, most = -1, np.float32(0.0)
+    for other in (cell + ahead - aside, cell + ahead, cell + ahead + aside):
+        if marks[other] == 0:
             continue
-        ox, oy = np.float32(dx[row, column]), np.float32(dy[row, column])
+        ox, oy = np.float32(dx[other]), np.float32(dy[other])
         alike = gx * ox + gy * oy
         if alike > most and alike * alike >= least * (ox * ox + oy * oy):
-            best_y, best_x, most = row, column, alike
-    return best_y, best_x
+            best, most = other, alike
+    return best
 
 
 @njit(cache=True, nogil=True)
@@ -95,30 +97,31 @@ def link_edges(dx: Slopes, dy: Slopes, marks: Marks, seeds: Cells, least: int) -
     (Q,), and where each of the C chains starts, (C + 1,).
     """
     width = marks.shape[1]
-    # Of two neighbours along an axis only one is an edge pixel.
-    room = marks.size // 2 + 1
+    slopes_x, slopes_y, free = dx.ravel(), dy.ravel(), marks.ravel()
+    # All pixels can be edge pixels; what is not used of the room costs nothing.
+    room = marks.size
     order, back = np.empty(room, np.int32), np.empty(room, np.int32)
     starts = np.zeros(room // least + 2, np.int32)
     count, chains = 0, 0
     for seed in seeds:
-        y, x = seed // width, seed % width
-        if marks[y, x] == 3:
+        if free[seed] == 0:
             continue
-        marks[y, x] = 3
+        free[seed] = 0
         behind = 0
-        row, column = _next(y, x, -1, dx, dy, marks)
-        while row >= 0:
-            marks[row, column] = 3
-            back[behind] = row * width + column
+        cell = _next(seed, -1, width, slopes_x, slopes_y, free)
+        while cell >= 0:
+            free[cell] = 0
+            back[behind] = cell
             behind += 1
-            row, column = _next(row, column, -1, dx, dy, marks)
+            cell = _next(cell, -1, width, slopes_x, slopes_y, free)
         end = count + behind
         order[count:end] = back[:behind][::-1]
-        while y >= 0:
-            marks[y, x] = 3
-            order[end] = y * width + x
+        cell = int(seed)
+        while cell >= 0:
+            free[cell] = 0
+            order[end] = cell
             end += 1
-            y, x = _next(y, x, 1, dx, dy, marks)
+            cell = _next(cell, 1, width, slopes_x, slopes_y, free)
         if end - count >= least:
             count = end
             chains += 1
@@ -138,16 +141,16 @@ def measure_points(dx: Slopes, dy: Slopes, cells: Cells) -> Array:
     points = np.empty((len(cells), COLUMNS))
     for row, cell in enumerate(cells):
         y, x = cell // width, cell % width
-        gx, gy = np.float64(dx[y, x]), np.float64(dy[y, x])
+        gx, gy = np.float32(dx[y, x]), np.float32(dy[y, x])
         square = gx * gx + gy * gy
         magnitude = math.sqrt(square)
         steep = abs(gx) >= abs(gy)
         along_x, along_y = (1, 0) if steep else (0, 1)
         before = gx * dx[y - along_y, x - along_x] + gy * dy[y - along_y, x - along_x]
         after = gx * dx[y + along_y, x + along_x] + gy * dy[y + along_y, x + along_x]
-        # Where nothing is left on one side the profile is no Gaussian; a hundredth bounds the logarithm.
-        left = math.log(max(before / square, 0.01))
-        right = math.log(max(after / square, 0.01))
+        # Where nothing is left on one side the profile is no Gaussian; that little bounds the logarithm.
+        left = math.log(max(before / square, _LITTLE))
+        right = math.log(max(after / square, _LITTLE))
         curvature = -(left + right)
         away = 0.5 * (right - left) / curvature
         across = (gx if steep else gy) / magnitude

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Lock
 
 import cv2
 import numpy as np
@@ -18,6 +22,9 @@ MAX_PIXELS = 2**27
 
 #: Sensors of 10 and 12 bits write their values into 16.
 _DEPTHS = (10, 12, 16)
+
+#: One at a time may redirect the process' standard error.
+_MUTING = Lock()
 
 
 def read_image(path: Path) -> GreyImage:
@@ -35,7 +42,8 @@ def read_image(path: Path) -> GreyImage:
     except OSError as error:
         raise InputError(path, "", error.strerror or str(error)) from None
     try:
-        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH) if len(data) else None
+        with _muted():
+            image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH) if len(data) else None
     except cv2.error:
         image = None
     if image is None:
@@ -49,3 +57,23 @@ def read_image(path: Path) -> GreyImage:
     elif image.dtype != np.uint8:
         raise InputError(path, "", "neither 8 nor 16 bits a pixel")
     return np.asarray(image, np.uint8)
+
+
+@contextmanager
+def _muted() -> Iterator[None]:
+    """Keep the decoders quiet: some write what they find wrong to the terminal, past Python and OpenCV's log."""
+    with _MUTING:
+        try:
+            before = os.dup(2)
+        except OSError:
+            # There is no standard error to write to.
+            yield
+            return
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        try:
+            os.dup2(nowhere, 2)
+            yield
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+            os.close(nowhere)

@@ -15,6 +15,8 @@ from vision.linefit import ALONG, END, RAW_END, RAW_START, START, SUMS, WSTRENGT
 #: Fragments may overlap by so much, and turn by so much (cosine) from one to the next.
 _OVERLAP_PX = 4.0
 _STRAIGHT = 0.985
+#: A continuation starts this close beside its line, and by so much more per pixel of the gap.
+_BESIDE_PX, _TURN = 2.0, 0.1
 #: Neither fragment may end farther than this from the line through both.
 _ASIDE_PX = 0.8
 #: Share of the weaker fragment's strength that the gap must show.
@@ -48,14 +50,18 @@ def _continuation(
     line = lines[number]
     along_x, along_y, end_x, end_y = line[ALONG], line[ALONG + 1], line[END], line[END + 1]
     best, nearest = -1, gap_px
-    for other in range(np.searchsorted(starts_y, end_y - gap_px), len(lines)):
+    # The rows in which a continuation can start.
+    aside = abs(along_x) * (_TURN * gap_px + _BESIDE_PX)
+    low = min(gap_px * along_y, -_OVERLAP_PX * along_y) - aside
+    high = max(gap_px * along_y, -_OVERLAP_PX * along_y) + aside
+    for other in range(np.searchsorted(starts_y, end_y + low), len(lines)):
         x, y = starts_x[other] - end_x, starts_y[other] - end_y
-        if y > nearest:
+        if y > min(nearest, high):
             break
         if abs(x) > nearest:
             continue
         gap = along_x * x + along_y * y
-        if not -_OVERLAP_PX <= gap < nearest or abs(along_x * y - along_y * x) > 0.1 * gap + 2.0:
+        if not -_OVERLAP_PX <= gap < nearest or abs(along_x * y - along_y * x) > _TURN * gap + _BESIDE_PX:
             continue
         if along_x * lines[other, ALONG] + along_y * lines[other, ALONG + 1] < _STRAIGHT or other == number:
             continue

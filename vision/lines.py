@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from maps.poses import Array, frozen
 from vision.camera import Camera
 from vision.edgelines import EdgeConfig, find_edges
+from vision.houghlines import END_SIGMA_PX, HoughConfig, find_hough
 from vision.images import GreyImage
 from vision.lsd import brighter_right, find_lsd, straightened
 
@@ -27,6 +28,8 @@ class LineMethod(StrEnum):
     EDGES = "edges"
     #: OpenCV's line segment detector.
     LSD = "lsd"
+    #: The paper's extractor (`vision.houghlines`).
+    HOUGH = "hough"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +42,9 @@ class LineConfig:
     #: Standard deviation of an end point across its line, beside what the image's noise explains: real edges
     #: are rounded, unevenly lit and, under distortion, bent.
     sigma_px: float = 0.5
+    #: Both EDGES and HOUGH find contours as `edges` says; the rest of it is for EDGES alone.
     edges: EdgeConfig = field(default_factory=EdgeConfig)
+    hough: HoughConfig = field(default_factory=HoughConfig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,16 +94,17 @@ class ImageSegments:
 
 def extract_segments(image: GreyImage, camera: Camera, config: LineConfig) -> ImageSegments:
     """Extract straight segments of a grey image (H, W), the first end of each to the left of the second."""
-    find = _by_lsd if config.method is LineMethod.LSD else _by_edges
-    return find(image, camera, config)
+    if not image.size:
+        return ImageSegments(*np.zeros((2, 0, 2, 2)), *np.zeros((5, 0)))
+    find = {LineMethod.EDGES: _by_edges, LineMethod.LSD: _by_lsd, LineMethod.HOUGH: _by_hough}
+    return find[config.method](image, camera, config)
 
 
 def _by_edges(image: GreyImage, camera: Camera, config: LineConfig) -> ImageSegments:
-    lines = find_edges(image, camera, config.edges)
-    raw = camera.distort(lines.ideal_px.reshape(-1, 2) / camera.focal_px).reshape(-1, 2, 2)
+    lines = find_edges(image, camera, config.edges, config.min_length_px)
     length = np.linalg.norm(lines.ideal_px[:, 1] - lines.ideal_px[:, 0], axis=1)
-    astray = np.linalg.norm(raw - lines.raw_px, axis=2).max(axis=1, initial=0.0)
-    keep = (length >= config.min_length_px) & (astray <= _ASTRAY_PX)
+    raw = camera.distort(lines.ideal_px.reshape(-1, 2) / camera.focal_px).reshape(-1, 2, 2)
+    keep = np.linalg.norm(raw - lines.raw_px, axis=2).max(axis=1, initial=0.0) <= _ASTRAY_PX
     noise = np.hypot(lines.sigma_middle_px, 0.5 * length * lines.sigma_angle_rad)
     swap = raw[:, 0, 0] > raw[:, 1, 0]
     return ImageSegments(
@@ -132,6 +138,24 @@ def _by_lsd(image: GreyImage, camera: Camera, config: LineConfig) -> ImageSegmen
         polarity=np.sign(step),
         contrast=np.abs(step),
     )
+
+
+def _by_hough(image: GreyImage, camera: Camera, config: LineConfig) -> ImageSegments:
+    lines = find_hough(image, camera, config.hough, config.edges)
+    length = np.linalg.norm(lines.ideal_px[:, 1] - lines.ideal_px[:, 0], axis=1)
+    swap = lines.raw_px[:, 0, 0] > lines.raw_px[:, 1, 0]
+    raw = _swapped(lines.raw_px, swap)
+    ends = np.full(len(raw), END_SIGMA_PX)
+    return ImageSegments(
+        raw_px=raw,
+        ideal_px=_swapped(lines.ideal_px, swap),
+        sigma_px=np.hypot(config.sigma_px, ends),
+        # Two ends that err independently.
+        sigma_middle_px=ends / math.sqrt(2.0),
+        sigma_angle_rad=ends * math.sqrt(2.0) / length,
+        polarity=np.where(swap, -1.0, 1.0),
+        contrast=np.abs(brighter_right(image, raw)),
+    )[length >= config.min_length_px]
 
 
 def _swapped(ends: Array, swap: NDArray[np.bool_]) -> Array:

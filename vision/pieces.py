@@ -18,7 +18,7 @@ def split_chains(
     `points`: (Q, 2) ideal pixels; `starts`: (C + 1,). Returns the first and the last point of each piece
     whose chord is at least `least_px` long, (M, 2).
     """
-    pieces = np.empty((len(points) // 2 + 1, 2), np.int32)
+    pieces = np.empty((len(points), 2), np.int32)
     count = 0
     waiting = np.empty((len(points) + 1, 2), np.int32)
     for chain in range(len(starts) - 1):
@@ -45,3 +45,11 @@ def split_chains(
                 pieces[count, 0], pieces[count, 1] = first, last
                 count += 1
     return pieces[:count]
+
+
+def members_of(pieces: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """The points of all pieces (M, 2), one after the other, and where each starts, (M + 1,)."""
+    counts = pieces[:, 1] - pieces[:, 0] + 1
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    members = np.arange(starts[-1]) + np.repeat(pieces[:, 0] - starts[:-1], counts)
+    return members, starts.astype(np.int32)

@@ -45,8 +45,9 @@ def test_a_squares_sides_are_listed_in_raw_pixels(wireloc: Command, picture: Pat
     assert (drawn[..., 0] != drawn[..., 2]).sum() > 200
 
 
+@pytest.mark.parametrize("method", ["edges", "lsd", "hough"])
 def test_deep_and_coloured_images_serve_and_even_ones_have_no_lines(
-    wireloc: Command, picture: Path, tmp_path: Path
+    wireloc: Command, picture: Path, tmp_path: Path, method: str
 ) -> None:
     image = cv2.imread(str(picture), cv2.IMREAD_GRAYSCALE)
     shapes = {
@@ -59,9 +60,11 @@ def test_deep_and_coloured_images_serve_and_even_ones_have_no_lines(
     }
     for name, content in shapes.items():
         cv2.imwrite(str(tmp_path / name), content)
-    ended = wireloc("lines", *(tmp_path / name for name in shapes), "--out", tmp_path / "lines.csv")
+    config, out = tmp_path / "lines.yaml", tmp_path / "lines.csv"
+    config.write_text(f"matcher: {{lines: {{method: {method}}}}}\n")
+    ended = wireloc("lines", *(tmp_path / name for name in shapes), "--config", config, "--out", out)
     assert ended.code == 0, ended.err
-    found = [Path(row["image"]).name for row in rows_of(tmp_path / "lines.csv")]
+    found = [Path(row["image"]).name for row in rows_of(out)]
     assert {name: found.count(name) for name in shapes} == {
         "deep.png": 4, "colour.png": 4, "alpha.png": 4, "even.png": 0, "white.png": 0, "point.png": 0,
     }  # fmt: skip
@@ -78,14 +81,24 @@ def test_the_camera_must_fit_the_image(wireloc: Command, sample: Path, picture: 
     assert len(rows_of(out)) > 20
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"no image", b"\x89PNG\r\n\x1a\n"], ids=["empty", "text", "cut off"]
-)
-def test_what_is_no_image_is_told_in_one_line(wireloc: Command, content: bytes, tmp_path: Path) -> None:
-    (tmp_path / "bad.png").write_bytes(content)
-    ended = wireloc("lines", tmp_path / "bad.png", "--out", tmp_path / "lines.csv")
+def broken(name: str) -> bytes:
+    """Return the contents of a picture file that is none."""
+    noise = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
+    whole = bytes(cv2.imencode(Path(name).suffix, noise)[1])
+    contents = {"empty": b"", "text": b"no image", "start": whole[:8], "half": whole[: len(whole) // 2]}
+    return contents[Path(name).stem]
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+@pytest.mark.parametrize("kind", ["empty", "text", "start", "half"])
+def test_what_is_no_image_is_told_in_one_line(
+    wireloc: Command, picture: Path, kind: str, suffix: str, tmp_path: Path
+) -> None:
+    bad = tmp_path / f"{kind}{suffix}"
+    bad.write_bytes(broken(bad.name))
+    ended = wireloc("lines", picture, bad, "--out", tmp_path / "lines.csv")
     assert ended.code == 2
-    assert "bad.png" in ended.err
+    assert bad.name in ended.err
     assert len(ended.err.splitlines()) == 1
     assert not (tmp_path / "lines.csv").exists()
 
@@ -96,8 +109,12 @@ def test_one_overlay_shows_one_image(wireloc: Command, picture: Path, tmp_path: 
     assert "--overlay" in ended.err
 
 
-def test_lsd_serves_behind_the_same_command(wireloc: Command, picture: Path, tmp_path: Path) -> None:
-    config = tmp_path / "lsd.yaml"
-    config.write_text("matcher: {lines: {method: lsd}}\n")
-    assert wireloc("lines", picture, "--config", config, "--out", tmp_path / "lines.csv").code == 0
-    assert len(rows_of(tmp_path / "lines.csv")) == 4
+def test_an_unfit_parameter_is_told_in_one_line(wireloc: Command, picture: Path, tmp_path: Path) -> None:
+    config = tmp_path / "lines.yaml"
+    for content, key in (("{method: houff}", "method"), ("{method: hough, hough: {cell_px: 0}}", "cell_px")):
+        config.write_text(f"matcher: {{lines: {content}}}\n")
+        ended = wireloc("lines", picture, "--config", config, "--out", tmp_path / "lines.csv")
+        assert ended.code == 2
+        assert "lines.yaml" in ended.err
+        assert key in ended.err
+        assert len(ended.err.splitlines()) == 1

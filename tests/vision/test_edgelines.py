@@ -65,6 +65,22 @@ def test_edge_points_are_measured_between_pixels(at: float) -> None:
     assert points[0, Y] > points[-1, Y]
 
 
+def test_where_every_pixel_is_an_edge_there_is_room_for_all() -> None:
+    y, x = np.indices((120, 160))
+    board = np.where((x // 2 + y // 2) % 2, 255, 0).astype(np.uint8)
+    gradient = gradient_of(board, 1.0)
+    marks, seeds = mark_edges(gradient.dx, gradient.dy, 0.5, 0.5)
+    assert len(seeds) == (marks == 2).sum() > 0.9 * board.size
+    cells, starts = link_edges(gradient.dx, gradient.dy, marks, seeds, 2)
+    assert len(np.unique(cells)) == len(cells) == starts[-1]
+
+
+def test_every_step_of_a_chain_can_be_a_piece() -> None:
+    zigzag = np.column_stack([np.arange(50.0), 10.0 * (np.arange(50) % 2)])
+    pieces = split_chains(zigzag, np.array([0, 50], np.int32), 1.2, 1.0)
+    assert sorted(map(tuple, pieces.tolist())) == [(at, at + 1) for at in range(49)]
+
+
 def test_a_chain_is_cut_at_its_corner() -> None:
     leg = np.arange(41.0)
     corner = np.concatenate([np.column_stack([leg, 0 * leg]), np.column_stack([0 * leg + 40, leg])[1:]])

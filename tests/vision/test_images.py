@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
@@ -53,13 +54,31 @@ def test_a_truncated_header_is_refused(tmp_path: Path) -> None:
     assert refused(path) == "not an image that can be read"
 
 
-@pytest.mark.parametrize("suffix", [".png", ".jpg"])
-def test_a_truncated_picture_is_not_passed_off_as_whole(tmp_path: Path, suffix: str) -> None:
+@pytest.mark.parametrize("left", [0.02, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".tif", ".webp", ".pgm"])
+def test_a_truncated_picture_is_not_passed_off_as_whole(
+    tmp_path: Path, suffix: str, left: float, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / f"frame{suffix}"
-    noise = np.random.default_rng(0).integers(0, 256, (480, 640), dtype=np.uint8)
+    noise = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
     assert cv2.imwrite(str(path), noise)
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    refused(path)
+    path.write_bytes(path.read_bytes()[: int(left * path.stat().st_size)])
+    assert refused(path) == "not an image that can be read"
+    assert capfd.readouterr().err == "", "the decoders' own words are not for the user"
+
+
+@pytest.mark.parametrize("name", ["frame.jpg", "frame.png", "frame.pgm", "frame"])
+def test_the_name_makes_no_image(tmp_path: Path, name: str) -> None:
+    for content in (b"", b"timestamp_s,filename\n0.0,a.jpg\n" * 20, b"P5\n640 480\n255\nab"):
+        (tmp_path / name).write_bytes(content)
+        assert refused(tmp_path / name) == "not an image that can be read"
+
+
+def test_the_terminal_is_given_back(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "frame.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    refused(tmp_path / "frame.png")
+    os.write(2, b"heard")
+    assert capfd.readouterr().err == "heard"
 
 
 def test_too_large_a_file_is_not_read(tmp_path: Path) -> None:
