@@ -53,11 +53,24 @@ class PoseBelief:
 
 @dataclass(frozen=True, slots=True)
 class SearchWindow:
-    """Where to look: within `dt_m` of the centre and within `dphi_rad` of its heading (paper, 3.2)."""
+    """Where to look: within `dt_m` of the centre and within `dphi_rad` of its heading (paper, 3.2).
+
+    Being lost is only a large window: an infinite `dt_m` takes in the whole floor.
+    """
 
     centre: Pose2
     dt_m: float
     dphi_rad: float
+
+    @classmethod
+    def everywhere(cls) -> SearchWindow:
+        """Return the window of a robot that knows nothing."""
+        return cls(Pose2(0.0, 0.0, 0.0), math.inf, math.pi)
+
+    def holds(self, pose: Pose2) -> bool:
+        """Whether a pose lies inside."""
+        away = pose.minus(self.centre)
+        return math.hypot(away[0], away[1]) <= self.dt_m and abs(away[2]) <= self.dphi_rad
 
 
 class Reason(StrEnum):

@@ -22,6 +22,8 @@ class DecisionConfig:
     #: Poses this near each other are one place; their spread goes into the covariance.
     same_place_m: float = 0.30
     same_place_rad: float = math.radians(5.0)
+    #: No more places than this are told apart; the rest of the odds is spread over them.
+    max_places: int = 5
     #: Other places with more than this share of the odds make the image ambiguous.
     max_rival_odds: float = 0.01
     #: The looks at an image are not independent: log-odds between poses are divided by this.
@@ -34,13 +36,25 @@ def decide(candidates: list[Candidate], look: Look, config: DecisionConfig) -> O
     if best.score < config.min_score or best.matched_segments < config.min_matched:
         return NoFix(Reason.WEAK_EVIDENCE, look)
     odds = np.exp((np.array([c.score for c in candidates]) - best.score) / config.score_temper)
-    here = np.array([_same_place(c.belief.pose, best.belief.pose, config) for c in candidates])
-    beliefs = [candidate.belief for candidate in candidates]
-    rivals = [belief for belief, near in zip(beliefs, here, strict=True) if not near]
-    elsewhere = float(odds[~here].sum() / odds.sum())
-    if elsewhere > config.max_rival_odds:
-        return Ambiguous((best.belief, rivals[0]), (1.0 - elsewhere, elsewhere), look)
-    return Fix(_moment_match([b for b, near in zip(beliefs, here, strict=True) if near], odds[here]), look)
+    odds /= odds.sum()
+    places = _places([candidate.belief for candidate in candidates], odds, config)
+    if 1.0 - places[0][1] <= config.max_rival_odds:
+        return Fix(places[0][0], look)
+    likely = [place for place in places if place[1] > config.max_rival_odds * places[0][1]]
+    likely = likely[: config.max_places]
+    total = sum(share for _, share in likely)
+    return Ambiguous(tuple(belief for belief, _ in likely), tuple(share / total for _, share in likely), look)
+
+
+def _places(beliefs: list[PoseBelief], odds: Array, config: DecisionConfig) -> list[tuple[PoseBelief, float]]:
+    """Beliefs, best first, merged where they are one place, each with its odds; the likeliest place first."""
+    left = list(range(len(beliefs)))
+    places = []
+    while left:
+        here = [k for k in left if _same_place(beliefs[k].pose, beliefs[left[0]].pose, config)]
+        left = [k for k in left if k not in here]
+        places.append((_moment_match([beliefs[k] for k in here], odds[here]), float(odds[here].sum())))
+    return sorted(places, key=lambda place: -place[1])
 
 
 def _same_place(pose: Pose2, other: Pose2, config: DecisionConfig) -> bool:
@@ -54,6 +68,8 @@ def _moment_match(beliefs: list[PoseBelief], odds: Array) -> PoseBelief:
     Swapped door edges give poses a few centimetres apart with like evidence: their spread belongs into
     the covariance.
     """
+    if len(beliefs) == 1:
+        return beliefs[0]
     weights = odds / odds.sum()
     anchor = beliefs[0]
     away = np.array([belief.pose.minus(anchor.pose) for belief in beliefs])

@@ -79,7 +79,7 @@ def field_scores(
     views: NDArray[np.int64],
     config: FieldConfig,
 ) -> Array:
-    """Return the support (H,) of poses (H, 3), in nats, by what can be seen from each one's viewpoint, `views` (H,)."""
+    """Return the support (H,) of poses (H, 3), in nats, by what is seen from each one's viewpoint, `views` (H,)."""
     wire_map = projector.wire_map
     rate = wire_map.detection_rate[viewpoints.rows]
     rate = np.clip(np.where(np.isnan(rate), config.detection_rate, rate), 0.05, 0.95)

@@ -16,6 +16,7 @@ from maps.wiremap import WireMap
 from vision.camera import Camera
 from vision.constraints import unary_correspondences
 from vision.decision import DecisionConfig, decide
+from vision.globalsearch import GlobalConfig, floor_hypotheses, floor_views
 from vision.hypotheses import HypothesisConfig, couple_hypotheses, grid_hypotheses
 from vision.images import GreyImage
 from vision.linefield import FieldConfig, field_scores, line_field
@@ -23,7 +24,7 @@ from vision.lines import ImageSegments, LineConfig, extract_segments
 from vision.measurements import measured_lines
 from vision.projection import Prediction, Projector
 from vision.refinement import Candidate, RefinementConfig, Scene, refine_poses
-from vision.viewpoints import viewpoints_in
+from vision.viewpoints import Viewpoints, viewpoints_in
 
 #: How far edges are, for how much a step of the robot may bring into the image.
 _TYPICAL_RANGE_M = 2.0
@@ -42,6 +43,9 @@ class MatcherConfig:
     decision: DecisionConfig = field(default_factory=DecisionConfig)
     #: A window wider than this in heading, to either side, is searched slice by slice.
     slice_rad: float = 0.6
+    #: A window larger than this is searched over the whole floor, headings first.
+    wide_m: float = 2.0
+    floor: GlobalConfig = field(default_factory=GlobalConfig)
     #: Hypotheses that are refined, and how far apart they must be to count as different.
     refined: int = 10
     apart_m: float = 0.05
@@ -49,7 +53,8 @@ class MatcherConfig:
 
 
 class LineMatcher:
-    """Finds the pose of one camera against one map; keeps nothing from image to image but timings.
+    """Finds the pose of one camera against one map; keeps nothing from image to image but timings,
+    and what can be seen from where once it had to search everywhere.
 
     `regions`: of the map, at the camera's height; without them every segment is considered everywhere.
     """
@@ -64,6 +69,7 @@ class LineMatcher:
         self.camera, self.wire_map, self.regions = camera, wire_map, regions
         self.config = config or MatcherConfig()
         self.projector = Projector(camera, wire_map)
+        self._floor_views: Viewpoints | None = None
         #: Milliseconds that the last image took: "extract" and "match".
         self.timing_ms: dict[str, float] = {"extract": 0.0, "match": 0.0}
 
@@ -79,34 +85,56 @@ class LineMatcher:
 
     def match_segments(self, segments: ImageSegments, stamp_ns: int, window: SearchWindow) -> Outcome:
         """Match extracted segments inside a window: the paper's chain, from selection to verification."""
-        rows = self._selected(window)
-        slices = [(part, self._predicted(part, rows)) for part in self._slices(window)]
-        predicted = slices[len(slices) // 2][1]
-        selected = len(np.unique(np.concatenate([seen.rows for _, seen in slices])))
-        look = Look(
-            lines_px=segments.raw_px,
-            predicted_px=self._raw_pixels(predicted),
-            predicted_map=predicted.rows,
-            selected=selected,
-        )
+        look = Look(lines_px=segments.raw_px)
         if len(segments) < self.config.decision.min_matched:
             return NoFix(Reason.TOO_FEW_SEGMENTS, look)
-        if selected < self.config.decision.min_matched:
+        wide = window.dt_m > self.config.wide_m
+        search = self._search_floor if wide else self._search_window
+        rows, look, hypotheses, scores = search(segments, window, look)
+        if look.selected < self.config.decision.min_matched:
             return NoFix(Reason.NOTHING_VISIBLE, look)
-        hypotheses = self._hypotheses(segments, window, slices)
         look = replace(look, hypotheses=len(hypotheses))
-        coarse = self.config.coarse
-        viewpoints = viewpoints_in(self.projector, window, rows)
-        spread_out = line_field(segments, self.projector, coarse.kernel_px)
-        nearest = viewpoints.nearest(hypotheses)
-        scores = field_scores(spread_out, self.projector, viewpoints, hypotheses, nearest, coarse)
-        starts = self._best_that_differ(hypotheses, scores)
+        number = self.config.floor.refined if wide else self.config.refined
+        starts = self._best_that_differ(hypotheses, scores, number)
         lines = measured_lines(segments, self.camera.focal_px, self.config.refinement.edge_model_px)
         refined = refine_poses(Scene(self.projector, rows, lines), starts, stamp_ns, self.config.refinement)
-        candidates = [candidate for candidate in refined if _within(candidate.belief.pose, window)]
+        candidates = [candidate for candidate in refined if window.holds(candidate.belief.pose)]
         if not candidates:
             return NoFix(Reason.NO_HYPOTHESIS, look)
         return decide(candidates, self._looked_at(candidates[0], look), self.config.decision)
+
+    def _search_window(
+        self, segments: ImageSegments, window: SearchWindow, look: Look
+    ) -> tuple[NDArray[np.int64], Look, Array, Array]:
+        """Hypotheses (H, 3) of a window and their support (H,), and the segments that can be seen from it."""
+        rows = self._selected(window)
+        slices = [(part, self._predicted(part, rows)) for part in self._slices(window)]
+        predicted = slices[len(slices) // 2][1]
+        look = replace(
+            look,
+            predicted_px=self._raw_pixels(predicted),
+            predicted_map=predicted.rows,
+            selected=len(np.unique(np.concatenate([seen.rows for _, seen in slices]))),
+        )
+        hypotheses = self._hypotheses(segments, window, slices)
+        viewpoints = viewpoints_in(self.projector, window, rows)
+        spread_out = line_field(segments, self.projector, self.config.coarse.kernel_px)
+        nearest = viewpoints.nearest(hypotheses)
+        scores = field_scores(spread_out, self.projector, viewpoints, hypotheses, nearest, self.config.coarse)
+        return rows, look, hypotheses, scores
+
+    def _search_floor(
+        self, segments: ImageSegments, window: SearchWindow, look: Look
+    ) -> tuple[NDArray[np.int64], Look, Array, Array]:
+        """The same over the whole floor, headings first; then what lies in the window."""
+        rows = np.arange(len(self.wire_map))
+        if self._floor_views is None:
+            self._floor_views = floor_views(self.projector, self.regions, self.config.floor)
+        poses, scores = floor_hypotheses(
+            self.projector, segments, self._floor_views, self.config.coarse, self.config.floor
+        )
+        inside = np.array([window.holds(Pose2.from_array(pose)) for pose in poses], bool)
+        return rows, replace(look, selected=len(rows)), poses[inside], scores[inside]
 
     def _selected(self, window: SearchWindow) -> NDArray[np.int64]:
         """The segments that can be seen from somewhere in the window."""
@@ -150,7 +178,7 @@ class LineMatcher:
         margin = self.camera.focal_px * (math.tan(min(window.dphi_rad, 1.0)) + window.dt_m / _TYPICAL_RANGE_M)
         return self.projector.predict(window.centre, rows, margin)
 
-    def _best_that_differ(self, poses: Array, scores: Array) -> list[Pose2]:
+    def _best_that_differ(self, poses: Array, scores: Array, number: int) -> list[Pose2]:
         """The best hypotheses by quick score, each at some distance from all better ones."""
         chosen = np.zeros((0, 3))
         for pose in poses[np.argsort(-scores, kind="stable")]:
@@ -159,7 +187,7 @@ class LineMatcher:
             near &= np.abs(wrap_angle(away[:, 2])) < self.config.apart_rad
             if not near.any():
                 chosen = np.vstack([chosen, pose])
-            if len(chosen) == self.config.refined:
+            if len(chosen) == number:
                 break
         return [Pose2.from_array(pose) for pose in chosen]
 
@@ -179,8 +207,3 @@ class LineMatcher:
     def _raw_pixels(self, predicted: Prediction) -> Array:
         normalised = predicted.ideal_px.reshape(-1, 2) / self.camera.focal_px
         return self.camera.distort(normalised).reshape(-1, 2, 2)
-
-
-def _within(pose: Pose2, window: SearchWindow) -> bool:
-    away = pose.minus(window.centre)
-    return math.hypot(away[0], away[1]) <= window.dt_m and abs(away[2]) <= window.dphi_rad
