@@ -7,6 +7,7 @@ the motion that brings one over the other, and the motions with several votes ar
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import product
 
@@ -28,10 +29,12 @@ _STILL_M, _STILL_RAD = 0.3, np.radians(5.0)
 _MAX_DIRECTIONS = 6
 _SAME_DIRECTION_RAD = np.radians(0.5)
 #: Carried edges are compared with the map's at points this far apart, and edges' directions at this distance.
-_SAMPLE_M, _LEVER_M = 0.2, 1.0
-_SAMPLES_PER_EDGE = 5
+_SAMPLE_M, _LEVER_M = 0.1, 1.0
+#: The places along an edge where it is looked whether it comes to lie on another, from p0 (0) to p1 (1).
+PLACES = 6
+PLACES_AT = frozen((np.arange(PLACES) + 0.5) / PLACES)
 #: The motions with most votes; more than these differ only in what carries next to nothing.
-_MAX_MOTIONS = 4000
+_MAX_MOTIONS = 2000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +42,8 @@ class Symmetries:
     """K motions of the plan, most votes first.
 
     `motions`: (K, 3) x, y, phi of the transform that carries a point (`Pose2`: there_from_here).
-    `carries`: (K, N) whether any stretch of each segment comes to lie along some segment of the map.
+    `carries`: (K, N, `PLACES`) whether places along each segment, at `PLACES_AT`, come to lie on, and along, some
+    segment of the map.
     """
 
     motions: Array
@@ -116,19 +120,19 @@ def _shifts(endpoints: Array, turn: float) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _carries(endpoints: Array, motions: Array) -> NDArray[np.bool_]:
-    """Whether any sample of each moved segment lies along a segment of the map, (K, N)."""
+    """Whether places along each moved segment lie on and along a segment of the map, (K, N, PLACES)."""
     counts = np.maximum(np.ceil(np.linalg.norm(endpoints[:, 1] - endpoints[:, 0], axis=1) / _SAMPLE_M), 1)
     which = np.repeat(np.arange(len(endpoints)), counts.astype(np.int64) + 1)
     place = np.concatenate([np.linspace(0.0, 1.0, int(count) + 1) for count in counts])
     tree = cKDTree(_with_direction(endpoints, which, place))
-    few = np.repeat(np.arange(len(endpoints)), _SAMPLES_PER_EDGE)
-    where = np.tile(np.linspace(0.05, 0.95, _SAMPLES_PER_EDGE), len(endpoints))
-    reach = np.hypot(0.5 * _SAMPLE_M, 2.0 * ALIKE_M)
-    result = np.zeros((len(motions), len(endpoints)), bool)
+    few = np.repeat(np.arange(len(endpoints)), PLACES)
+    where = np.tile(PLACES_AT, len(endpoints))
+    reach = math.hypot(0.5 * _SAMPLE_M, ALIKE_M)
+    result = np.zeros((len(motions), len(endpoints), PLACES), bool)
     for row, (x, y, phi) in enumerate(motions):
         moved = _turned(endpoints, phi) + [x, y, 0.0]
         distance, _ = tree.query(_with_direction(moved, few, where), distance_upper_bound=reach)
-        result[row] = np.isfinite(distance).reshape(-1, _SAMPLES_PER_EDGE).any(axis=1)
+        result[row] = np.isfinite(distance).reshape(-1, PLACES)
     return result
 
 

@@ -32,7 +32,7 @@ def visible_spans(wire_map: WireMap, eye: Array, rows: NDArray[np.int64]) -> tup
     Returns positions in `rows` (P,) and spans (P, 2) of visible stretches, as parameters in [0, 1] from p0
     to p1; a segment seen in several stretches occurs several times, in order.
     """
-    return unhidden_spans(wire_map.sight_endpoints[rows], *_shadows(wire_map, eye))
+    return unhidden_spans(wire_map.sight_endpoints[rows], *shadows_from(wire_map, eye))
 
 
 def hidden_by_heights(
@@ -66,7 +66,7 @@ def hidden_by_heights(
     return np.isin(np.arange(len(rows)), left)
 
 
-def _shadows(wire_map: WireMap, eye: Array) -> tuple[Array, Array]:
+def shadows_from(wire_map: WireMap, eye: Array) -> tuple[Array, Array]:
     """Return normals (S, 4, 3) and offsets (S, 4): a point is hidden where all normal . p > offset."""
     side = cross_plan(wire_map.walls[:, 1] - wire_map.walls[:, 0], eye[:2] - wire_map.walls[:, 0])
     # Leaving the floor means crossing a wall from its floor side, but a low obstacle can also hide

@@ -23,8 +23,12 @@ from rich.table import Table
 
 from maps.errors import InputError, WirelocError
 from runs.cli_calibrate import calibrate_camera
+from runs.cli_experiment import experiment_app
 from runs.cli_lines import extract_lines
+from runs.cli_locate import locate_image
 from runs.cli_map import map_app
+from runs.cli_simulate import simulate
+from runs.options import numbers
 
 if TYPE_CHECKING:
     from runs import runner
@@ -44,8 +48,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(map_app, name="map")
+app.add_typer(experiment_app, name="experiment")
 app.command("lines")(extract_lines)
+app.command("locate")(locate_image)
 app.command("calibrate")(calibrate_camera)
+app.command("simulate")(simulate)
 
 
 def main() -> None:
@@ -182,23 +189,13 @@ def _started(session: Session, pose: str | None, std: str | None, lost: bool) ->
         if std is not None:
             raise InputError("--initial-std", "", "says nothing without --initial-pose")
         return session
-    x, y, *phi = _numbers("--initial-pose", pose, "X,Y[,PHI]", (2, 3))
-    position_std_m, heading_std_deg = _numbers("--initial-std", std or INITIAL_STD, "DT_M,DPHI_DEG", (2,))
+    x, y, *phi = numbers("--initial-pose", pose, "X,Y[,PHI]", (2, 3))
+    position_std_m, heading_std_deg = numbers("--initial-std", std or INITIAL_STD, "DT_M,DPHI_DEG", (2,))
     if position_std_m <= 0.0 or heading_std_deg <= 0.0:
         raise InputError("--initial-std", "", "not above zero")
     heading_std_rad = math.radians(heading_std_deg) if phi else math.inf
     start = Start(Pose2(x, y, phi[0] if phi else 0.0), position_std_m, position_std_m, heading_std_rad)
     return replace(session, initial=start.at(session.start_ns))
-
-
-def _numbers(option: str, text: str, form: str, counts: tuple[int, ...]) -> list[float]:
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) not in counts or not all(math.isfinite(value) for value in values):
-        raise InputError(option, "", f"expected {form} in numbers, not {text!r}")
-    return values
 
 
 @contextmanager

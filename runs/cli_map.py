@@ -10,6 +10,8 @@ import typer
 from rich.console import Console
 
 from maps.errors import InputError
+from runs.cli_mapcoverage import map_coverage
+from runs.cli_maplearn import learn_map
 
 #: A camera's usual height above the floor [m], where nobody says.
 CAMERA_HEIGHT_M = 1.0
@@ -21,6 +23,8 @@ PICTURES = (".png", ".svg")
 RECORDING = ".rrd"
 
 map_app = typer.Typer(help="Check, show, import and export maps.", no_args_is_help=True)
+map_app.command("coverage")(map_coverage)
+map_app.command("learn")(learn_map)
 
 
 @map_app.command("check")

@@ -26,7 +26,7 @@ REGIONS_M = -0.02
 def record_map(path: Path, wire_map: WireMap, regions: ViewRegions, title: str) -> None:
     """Write a map and its view regions into one rerun file."""
     recording = rr.RecordingStream("wireloc")
-    recording.save(path, default_blueprint=_layout(wire_map))
+    recording.save(path, default_blueprint=layout(wire_map))
     recording.send_recording_name(title)
     log_map(recording, wire_map)
     recording.log("world/regions/seen", _mesh(regions), static=True)
@@ -64,7 +64,7 @@ def _outlines(regions: ViewRegions) -> rr.LineStrips3D:
     )
 
 
-def _layout(wire_map: WireMap) -> rrb.Blueprint:
+def layout(wire_map: WireMap) -> rrb.Blueprint:
     """Look at the building from the south and above, all of it in sight."""
     x0, y0, x1, y1 = wire_map.floor.bounds
     x, y, far = (x0 + x1) / 2.0, (y0 + y1) / 2.0, 0.85 * max(x1 - x0, 1.5 * (y1 - y0), 2.0)

@@ -32,6 +32,9 @@ KINDS = ("#b9b2a4", "#9fb8c8", "#b7a6c9", "#a8c3a0", "#c9a9a0", "#c8c39a", "#9fc
 #: From none to most, for regions by what they see: light to dark, so that it also prints in grey.
 COUNTS = ("#f2efe8", "#a8d5ea", VISION, FILTERED, "#123a63")
 
+#: How well a fix would be, best to worst, and grey where nothing constrains: light colours are weak fixes.
+COVERAGE = ("#123a63", FILTERED, "#a8d5ea", "#f0c987", "#d8d4cc")
+
 
 def rgb(colour: str) -> tuple[int, int, int]:
     """Return `#rrggbb` as three bytes."""

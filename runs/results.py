@@ -140,7 +140,7 @@ def point_latest(run: Path) -> None:
 
 def _told(session: Session) -> dict[str, Any]:
     """Return what the run was told beside its parameters: the session, and where it begins."""
-    told: dict[str, Any] = {"session": session.name}
+    told: dict[str, Any] = {"session": session.name, "folder": str(session.folder.resolve())}
     if session.initial is not None:
         pose, deviations = session.initial.pose, np.sqrt(np.diag(session.initial.covariance))
         phi_rad, std_phi_rad = (

@@ -70,12 +70,12 @@ def couple_hypotheses(
 
 def grid_hypotheses(window: SearchWindow, config: HypothesisConfig) -> Array:
     """Return poses (H, 3) on a regular grid over the window, its centre among them."""
-    across = np.linspace(-1.0, 1.0, 2 * math.ceil(window.dt_m / config.grid_m) + 1)
-    around = np.linspace(-1.0, 1.0, 2 * math.ceil(window.dphi_rad / config.grid_rad) + 1)
-    dx, dy, dphi = (axis.ravel() for axis in np.meshgrid(across, across, around, indexing="ij"))
-    inside = np.hypot(dx, dy) <= 1.0 + 1e-9
-    offsets = np.column_stack([dx * window.dt_m, dy * window.dt_m, dphi * window.dphi_rad])[inside]
-    result: Array = window.centre.as_array() + offsets
+    dt_m, dphi_rad = window.dt_m, window.dphi_rad
+    across = np.linspace(-dt_m, dt_m, 2 * math.ceil(dt_m / config.grid_m) + 1)
+    around = np.linspace(-dphi_rad, dphi_rad, 2 * math.ceil(dphi_rad / config.grid_rad) + 1)
+    offsets = np.stack(np.meshgrid(across, across, around, indexing="ij"), axis=3).reshape(-1, 3)
+    inside = np.hypot(offsets[:, 0], offsets[:, 1]) <= dt_m * (1.0 + 1e-9)
+    result: Array = window.centre.as_array() + offsets[inside]
     return result
 
 
