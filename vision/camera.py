@@ -101,17 +101,28 @@ class Camera:
         pixels = project(rays, zero, zero, self.matrix, self.distortion)[0]
         return np.asarray(pixels, np.float64).reshape(-1, 2)
 
-    def map_from_optical(self, map_from_robot: Pose2) -> tuple[Array, Array]:
-        """Return the rotation (3, 3) and the camera's centre (3,) in the map frame."""
+    @property
+    def shift_px(self) -> float:
+        """How far the doubts about tilt, focal length and principal point may shift the picture, one deviation."""
+        tilt = math.hypot(self.mount.std_pitch_down_rad, self.mount.std_roll_rad)
+        rim = 0.25 * (self.width + self.height)
+        return math.hypot(self.focal_px * tilt, self.std_focal * rim, self.std_centre_px)
+
+    def map_from_optical(self, map_from_robot: Pose2, deviations: Array | None = None) -> tuple[Array, Array]:
+        """Return the rotation (3, 3) and the camera's centre (3,) in the map frame.
+
+        `deviations`: of height, pitch, roll and yaw from the mount's (and more, which is ignored); none if not given.
+        """
         mount = self.mount
+        height, pitch, roll, yaw = (0.0, 0.0, 0.0, 0.0) if deviations is None else deviations[:4]
         base_from_optical = (
-            rotation_z(mount.yaw_rad)
-            @ rotation_y(mount.pitch_down_rad)
-            @ rotation_x(mount.roll_rad)
+            rotation_z(mount.yaw_rad + yaw)
+            @ rotation_y(mount.pitch_down_rad + pitch)
+            @ rotation_x(mount.roll_rad + roll)
             @ BASE_FROM_OPTICAL
         )
         turn = rotation_z(map_from_robot.phi)
-        lever = turn @ [mount.x_m, mount.y_m, mount.height_m]
+        lever = turn @ [mount.x_m, mount.y_m, mount.height_m + height]
         return turn @ base_from_optical, lever + [map_from_robot.x, map_from_robot.y, 0.0]
 
 

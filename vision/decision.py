@@ -30,10 +30,14 @@ class DecisionConfig:
     score_temper: float = 4.0
 
 
-def decide(candidates: list[Candidate], look: Look, config: DecisionConfig) -> Outcome:
-    """Weigh the candidates, best first (at least one)."""
+def decide(candidates: list[Candidate], look: Look, tried: float, config: DecisionConfig) -> Outcome:
+    """Weigh the candidates, best first (at least one).
+
+    `tried`: how many different poses the window held. The more, the better the best of them looks by accident.
+    """
     best = candidates[0]
-    if best.score < config.min_score or best.matched_segments < config.min_matched:
+    needed = max(config.min_score, config.score_temper * math.log(tried))
+    if best.score < needed or best.matched_segments < config.min_matched:
         return NoFix(Reason.WEAK_EVIDENCE, look)
     odds = np.exp((np.array([c.score for c in candidates]) - best.score) / config.score_temper)
     odds /= odds.sum()

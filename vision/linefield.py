@@ -56,7 +56,10 @@ class FieldConfig:
 
 
 def line_field(segments: ImageSegments, projector: Projector, kernel_px: float) -> LineField:
-    """Spread an image's segments with a kernel of at least this width, pixels."""
+    """Spread an image's segments with a kernel of at least this width, pixels.
+
+    It is as much wider as the segments and the camera are uncertain.
+    """
     left, right, top, bottom = projector.bounds * projector.camera.focal_px
     cell = max(right - left, bottom - top) / _CELLS
     shape = (_BINS, math.ceil((bottom - top) / cell) + 1, math.ceil((right - left) / cell) + 1)
@@ -64,7 +67,7 @@ def line_field(segments: ImageSegments, projector: Projector, kernel_px: float) 
     _spread(
         nearness,
         (segments.ideal_px - [left, top]) / cell,
-        np.hypot(kernel_px, segments.sigma_px) / cell,
+        np.sqrt(kernel_px**2 + segments.sigma_px**2 + projector.camera.shift_px**2) / cell,
         segments.polarity < 0.0,
     )
     chance = np.clip(nearness.mean(axis=(1, 2)) / 255.0, 0.01, 0.5)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from maps.outcomes import Look, NoFix, Outcome, Reason, SearchWindow
+from maps.outcomes import Look, NoFix, Outcome, PoseBelief, Reason, SearchWindow
 from maps.poses import Array, Pose2, wrap_angle
 from maps.regions import ViewRegions
 from maps.wiremap import WireMap
@@ -28,6 +28,8 @@ from vision.viewpoints import Viewpoints, viewpoints_in
 
 #: How far edges are, for how much a step of the robot may bring into the image.
 _TYPICAL_RANGE_M = 2.0
+#: Poses that differ by less than this look alike from a few metres.
+_CELL_M, _CELL_RAD = 0.1, 0.026
 #: A refined pose may leave its window by this; the regions of a window are asked for as much more.
 _MARGIN_M = 0.1
 
@@ -50,6 +52,18 @@ class MatcherConfig:
     refined: int = 10
     apart_m: float = 0.05
     apart_rad: float = 0.01
+
+    @classmethod
+    def for_stated_noise(cls) -> MatcherConfig:
+        """Return the parameters for lines whose noise is Gaussian, independent and as stated: drawn ones.
+
+        Real edges are none of that: the defaults allow for neighbours taken for the right edge, for looks at one edge
+        that are not independent, and for maps that are better or worse than they say.
+        """
+        return cls(
+            refinement=RefinementConfig(edge_model_px=0.0, student=30.0, spread_limits=(1.0, 1.0)),
+            decision=DecisionConfig(min_score=5.0, min_matched=3, score_temper=1.0),
+        )
 
 
 class LineMatcher:
@@ -98,10 +112,11 @@ class LineMatcher:
         starts = self._best_that_differ(hypotheses, scores, number)
         lines = measured_lines(segments, self.camera.focal_px, self.config.refinement.edge_model_px)
         refined = refine_poses(Scene(self.projector, rows, lines), starts, stamp_ns, self.config.refinement)
-        candidates = [candidate for candidate in refined if window.holds(candidate.belief.pose)]
+        candidates = [candidate for candidate in refined if _may_lie_in(window, candidate.belief)]
         if not candidates:
             return NoFix(Reason.NO_HYPOTHESIS, look)
-        return decide(candidates, self._looked_at(candidates[0], look), self.config.decision)
+        look = self._looked_at(candidates[0], look)
+        return decide(candidates, look, self._different_poses(window), self.config.decision)
 
     def _search_window(
         self, segments: ImageSegments, window: SearchWindow, look: Look
@@ -135,6 +150,11 @@ class LineMatcher:
         )
         inside = np.array([window.holds(Pose2.from_array(pose)) for pose in poses], bool)
         return rows, replace(look, selected=len(rows)), poses[inside], scores[inside]
+
+    def _different_poses(self, window: SearchWindow) -> float:
+        """How many poses of a window an image can tell apart, at least one."""
+        area = min(math.pi * window.dt_m**2, self.wire_map.floor.area)
+        return max(area / _CELL_M**2, 1.0) * max(2.0 * window.dphi_rad / _CELL_RAD, 1.0)
 
     def _selected(self, window: SearchWindow) -> NDArray[np.int64]:
         """The segments that can be seen from somewhere in the window."""
@@ -207,3 +227,12 @@ class LineMatcher:
     def _raw_pixels(self, predicted: Prediction) -> Array:
         normalised = predicted.ideal_px.reshape(-1, 2) / self.camera.focal_px
         return self.camera.distort(normalised).reshape(-1, 2, 2)
+
+
+def _may_lie_in(window: SearchWindow, belief: PoseBelief) -> bool:
+    """Whether the belief's ellipse of three standard deviations reaches into the window."""
+    away = belief.pose.minus(window.centre)
+    return (
+        math.hypot(away[0], away[1]) <= window.dt_m + 3.0 * belief.position_std_m
+        and abs(away[2]) <= window.dphi_rad + 3.0 * belief.heading_std_rad
+    )

@@ -73,15 +73,22 @@ def distances_and_jacobian(state: Array, camera: Camera, seen: LineObservations)
 
 
 def estimate_pose(
-    start: Pose2, camera: Camera, seen: LineObservations, student: float = STUDENT, max_iterations: int = 12
+    start: Pose2,
+    camera: Camera,
+    seen: LineObservations,
+    student: float = STUDENT,
+    max_iterations: int = 12,
+    deviations: Array | None = None,
 ) -> PoseEstimate:
     """Maximise the likelihood of the distances by Levenberg-Marquardt from `start`.
 
-    They are Student distributed, with `student` degrees of freedom.
+    They are Student distributed, with `student` degrees of freedom. `deviations`: (7,) of the camera, to start from.
     """
     state = np.zeros(STATES)
     state[:3] = start.as_array()
-    state, information, deviations = maximise(
+    if deviations is not None:
+        state[3:] = deviations
+    state, information, middles = maximise(
         state,
         _mount(camera),
         nuisance_information(camera),
@@ -93,7 +100,7 @@ def estimate_pose(
         student,
         max_iterations,
     )
-    spread = float(np.median(np.abs(deviations)) / 0.6745) if len(deviations) else 1.0
+    spread = float(np.median(np.abs(middles)) / 0.6745) if len(middles) else 1.0
     return PoseEstimate(Pose2.from_array(state[:3]), _pose_covariance(information), state, spread)
 
 

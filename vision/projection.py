@@ -65,19 +65,30 @@ class Projector:
         self.directions = frozen(way / np.linalg.norm(way, axis=1)[:, None])
         self.moments = frozen(np.cross(wire_map.endpoints[:, 0], self.directions))
 
-    def predict(self, pose: Pose2, rows: NDArray[np.int64], margin_px: float = 0.0) -> Prediction:
+    def predict(
+        self,
+        pose: Pose2,
+        rows: NDArray[np.int64],
+        margin_px: float = 0.0,
+        deviations: Array | None = None,
+    ) -> Prediction:
         """Predict the visible pieces of the segments `rows` (K,) from a pose of the robot.
 
-        `margin_px` widens the image on all sides, for a pose that is known only roughly.
+        `margin_px` widens the image on all sides, for a pose that is known only roughly. `deviations`: (7,) of the
+        camera from what it should be, as `vision.pose` estimates them.
         """
         focal = self.camera.focal_px
-        rotation, centre = self.camera.map_from_optical(pose)
+        rotation, centre = self.camera.map_from_optical(pose, deviations)
         bounds = self.bounds + margin_px / focal * np.array([-1.0, 1.0, -1.0, 1.0])
         optical = (self.wire_map.endpoints[rows] - centre) @ rotation
         framed, clipped = _clip(optical, bounds)
         normals, offsets = shadows_from(self.wire_map, centre)
         which, spans = unhidden_spans(self.wire_map.sight_endpoints[rows[framed]], normals, offsets)
         position, ideal, depths, normals, spans = _project(optical, framed, clipped, which, spans, focal)
+        if deviations is not None:
+            scale, shift = 1.0 + deviations[4], deviations[5:7]
+            normals[:, 2] = normals[:, 2] * scale - normals[:, :2] @ shift / focal
+            ideal = ideal * scale + shift
         return Prediction(rows[position], ideal, depths, normals, spans)
 
 

@@ -57,10 +57,14 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Trial:
-    """A pose on its way; `spread` scales the noise by how well the lines fit so far."""
+class Trial:
+    """A pose on its way; `spread` scales the noise by how well the lines fit so far.
+
+    `deviations`: (7,) of the camera from what it should be, as estimated so far.
+    """
 
     pose: Pose2
+    deviations: Array | None = None
     spread: float = 1.0
     paired_px: float = 0.0
     estimate: PoseEstimate | None = None
@@ -74,14 +78,17 @@ class Scene:
     rows: NDArray[np.int64]
     lines: LineMeasurements
 
-    def matched(self, pose: Pose2, pose_px: float, spread: float) -> tuple[Prediction, Matches]:
-        """Predict from a pose, and pair what is predicted with the image's lines.
+    def matched(self, trial: Trial, pose_px: float) -> tuple[Prediction, Matches]:
+        """Predict from a trial's pose, and pair what is predicted with the image's lines.
 
-        `spread`: how much better or worse than it promises the map fits.
+        `pose_px`: how far the pose may still shift the picture. Before the first estimate the camera may, too.
         """
-        predicted = self.projector.predict(pose, self.rows)
+        predicted = self.projector.predict(trial.pose, self.rows, deviations=trial.deviations)
         polarity = self.projector.wire_map.polarity[predicted.rows]
-        return predicted, associate(predicted, self.lines, pose_px, spread * self.map_px(predicted), polarity)
+        if trial.deviations is None:
+            pose_px = math.hypot(pose_px, self.projector.camera.shift_px)
+        map_px = trial.spread * self.map_px(predicted)
+        return predicted, associate(predicted, self.lines, pose_px, map_px, polarity)
 
     def map_px(self, predicted: Prediction) -> Array:
         """Return what the map's uncertainty makes in the image, one standard deviation, pixels (P,)."""
@@ -94,7 +101,7 @@ def refine_poses(
     scene: Scene, starts: list[Pose2], stamp_ns: int, config: RefinementConfig
 ) -> list[Candidate]:
     """Return the optima near the starts, best first; starts that run out of matches or meet drop out."""
-    trials = [_Trial(start) for start in starts]
+    trials = [Trial(start) for start in starts]
     for pose_px, share in zip(config.pose_px, config.paired_share, strict=True):
         improved = [_improve(scene, trial, pose_px, config) for trial in trials]
         trials = _distinct([trial for trial in improved if trial is not None], config)
@@ -104,21 +111,28 @@ def refine_poses(
     return sorted(candidates, key=lambda candidate: -candidate.score)
 
 
-def _improve(scene: Scene, trial: _Trial, pose_px: float, config: RefinementConfig) -> _Trial | None:
+def _improve(scene: Scene, trial: Trial, pose_px: float, config: RefinementConfig) -> Trial | None:
     """Match and estimate once; None where too little matches."""
-    predicted, matches = scene.matched(trial.pose, pose_px, trial.spread)
+    predicted, matches = scene.matched(trial, pose_px)
     if len(set(predicted.rows[matches.pieces].tolist())) < _MIN_SEGMENTS:
         return None
     seen = observations(scene, predicted, matches, trial.spread)
-    estimate = estimate_pose(trial.pose, scene.projector.camera, seen, config.student)
+    camera = scene.projector.camera
+    estimate = estimate_pose(trial.pose, camera, seen, config.student, deviations=trial.deviations)
     spread = min(max(trial.spread * estimate.spread, config.spread_limits[0]), config.spread_limits[1])
-    return _Trial(estimate.pose, spread, float(scene.lines.lengths_px[matches.lines].sum()), estimate)
+    return Trial(
+        estimate.pose,
+        estimate.state[3:],
+        spread,
+        float(scene.lines.lengths_px[matches.lines].sum()),
+        estimate,
+    )
 
 
-def _judge(scene: Scene, trial: _Trial, stamp_ns: int, config: RefinementConfig) -> Candidate:
+def _judge(scene: Scene, trial: Trial, stamp_ns: int, config: RefinementConfig) -> Candidate:
     """Weigh a refined pose by all that should be seen from it."""
     assert trial.estimate is not None
-    predicted, matches = scene.matched(trial.pose, config.pose_px[-1], trial.spread)
+    predicted, matches = scene.matched(trial, config.pose_px[-1])
     sigma = observations(scene, predicted, matches, trial.spread).sigma_middle_px
     lines, camera = scene.lines, scene.projector.camera
     line_px = float(np.median(lines.sigma_middle_px))
@@ -161,9 +175,9 @@ def observations(
     )
 
 
-def _distinct(trials: list[_Trial], config: RefinementConfig) -> list[_Trial]:
+def _distinct(trials: list[Trial], config: RefinementConfig) -> list[Trial]:
     """The trials without those that have met an earlier one."""
-    kept: list[_Trial] = []
+    kept: list[Trial] = []
     for trial in trials:
         away: list[Array] = [np.abs(trial.pose.minus(other.pose)) for other in kept]
         if not any(math.hypot(a[0], a[1]) < config.same_m and a[2] < config.same_rad for a in away):

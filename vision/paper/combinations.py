@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from vision.paper.trees import Combinations
 
-#: Products looked at, for each hypothesis that may be kept.
-_LOOKS = 50
+#: Products looked at: so many for each hypothesis that may be kept, and as many besides.
+_LOOKS, _MORE_LOOKS = 50, 1_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +60,8 @@ def combine(
         uses[1],
         least,
         budget,
-        _LOOKS * budget,
+        _MORE_LOOKS + _LOOKS * budget,
+        lines,
     )
     complete = bool(looked_at_all) and counted == len(first)
     possible = len(horizontal) * len(vertical)
@@ -101,12 +102,13 @@ def _products(
     least: int,
     budget: int,
     looks: int,
+    lines: int,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], int, bool]:
     """Members of the products that count, in order of falling size; their number; whether all were looked at."""
     room = 1024
     first, second = np.empty(room, np.int32), np.empty(room, np.int32)
     kept, counted, looked = 0, 0, 0
-    for total in range(size_h[0] + size_v[0], least - 1, -1):
+    for total in range(min(size_h[0] + size_v[0], lines), least - 1, -1):
         start_v = len(size_v)
         for h in range(len(size_h)):
             # Sizes fall in both lists: the partners of the size that is missing move to the left.
