@@ -16,6 +16,10 @@ class InputError(WirelocError):
         self.path, self.where, self.what = str(path), where, what
         super().__init__(": ".join(part for part in (self.path, where, what) if part))
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str]]:
+        """Pickle by the three parts: errors come back from other processes."""
+        return type(self), (self.path, self.where, self.what)
+
 
 class MissingExtraError(WirelocError):
     """A library or program that this command needs is not installed; names the command that does it."""

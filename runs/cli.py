@@ -107,12 +107,10 @@ def run(
     from runs.config import RunConfig, read_config
     from runs.navigation import navigate
     from runs.results import default_folder, point_latest
-    from runs.runner import starting_belief
     from runs.session import read_session
 
     parameters = read_config(config) if config else RunConfig()
     drive = _started(read_session(session, map_), initial_pose, initial_std, lost)
-    starting_belief(drive)
     folder = out or default_folder(drive.name, datetime.now())
     with _progress(drive.name) as progress:
         navigation = navigate(drive, parameters, folder, progress)

@@ -1,0 +1,1 @@
+"""Experiments: the paper's measurements, repeated for each method on the same images."""
