@@ -38,6 +38,10 @@ class Matches:
     def __len__(self) -> int:
         return len(self.pieces)
 
+    def __getitem__(self, keep: NDArray[np.bool_]) -> Matches:
+        """Return some of the matches."""
+        return Matches(self.pieces[keep], self.lines[keep], self.spans_px[keep], self.distances_px[keep])
+
     @property
     def rms_px(self) -> Array:
         """Root mean square distance of each line from its piece, (K,)."""

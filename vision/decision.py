@@ -55,13 +55,14 @@ def _places(beliefs: list[PoseBelief], odds: Array, config: DecisionConfig) -> l
     left = list(range(len(beliefs)))
     places = []
     while left:
-        here = [k for k in left if _same_place(beliefs[k].pose, beliefs[left[0]].pose, config)]
+        here = [k for k in left if same_place(beliefs[k].pose, beliefs[left[0]].pose, config)]
         left = [k for k in left if k not in here]
         places.append((_moment_match([beliefs[k] for k in here], odds[here]), float(odds[here].sum())))
     return sorted(places, key=lambda place: -place[1])
 
 
-def _same_place(pose: Pose2, other: Pose2, config: DecisionConfig) -> bool:
+def same_place(pose: Pose2, other: Pose2, config: DecisionConfig) -> bool:
+    """Tell whether two poses are so near each other that they count as one place."""
     away = pose.minus(other)
     return math.hypot(away[0], away[1]) <= config.same_place_m and abs(away[2]) <= config.same_place_rad
 

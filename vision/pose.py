@@ -49,16 +49,22 @@ class LineObservations:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEstimate:
-    """A pose, its covariance (3, 3) over (x, y, phi), and how the residuals spread against expectation.
+    """A pose, its uncertainty, and how the residuals spread against expectation.
 
-    `state`: (10,) the pose and the camera's deviations. `spread`: median absolute deviation of the lines'
+    `state`: (10,) the pose and the camera's deviations, `state_covariance`: (10, 10).
+    `spread`: median absolute deviation of the lines'
     middles, as standard deviations over those expected.
     """
 
     pose: Pose2
-    covariance: Array
     state: Array
+    state_covariance: Array
     spread: float
+
+    @property
+    def covariance(self) -> Array:
+        """The covariance (3, 3) of (x, y, phi)."""
+        return self.state_covariance[:3, :3]
 
 
 def distances_and_jacobian(state: Array, camera: Camera, seen: LineObservations) -> tuple[Array, Array]:
@@ -101,7 +107,33 @@ def estimate_pose(
         max_iterations,
     )
     spread = float(np.median(np.abs(middles)) / 0.6745) if len(middles) else 1.0
-    return PoseEstimate(Pose2.from_array(state[:3]), _pose_covariance(information), state, spread)
+    return PoseEstimate(Pose2.from_array(state[:3]), state, _covariance(information), spread)
+
+
+def predicted_sigma_px(estimate: PoseEstimate, camera: Camera, lines: LineObservations) -> Array:
+    """Return how far the estimate's own uncertainty may shift each of K predicted lines, one deviation, (K,).
+
+    At the worse of the line's two points; the observations' deviations are not used.
+    """
+    _, jacobian = distances_and_jacobian(estimate.state, camera, lines)
+    variance = ((jacobian @ estimate.state_covariance) * jacobian).sum(axis=2)
+    result: Array = np.sqrt(np.maximum(variance.max(axis=1, initial=0.0), 0.0))
+    return result
+
+
+def squared_innovations(estimate: PoseEstimate, camera: Camera, seen: LineObservations) -> Array:
+    """Return the normalised squared innovation of each of K lines, (K,), chi-square with 2 degrees of freedom.
+
+    Of offset and direction together, against the noise and the estimate's own uncertainty.
+    """
+    distances, jacobian = distances_and_jacobian(estimate.state, camera, seen)
+    innovation, slopes = _middle_and_slope(distances), _middle_and_slope(jacobian)
+    covariance = slopes @ estimate.state_covariance @ slopes.transpose(0, 2, 1)
+    covariance[:, 0, 0] += seen.sigma_middle_px**2
+    covariance[:, 1, 1] += seen.sigma_slope_px**2
+    solved = np.linalg.solve(covariance, innovation[:, :, None])[:, :, 0]
+    result: Array = (innovation * solved).sum(axis=1)
+    return result
 
 
 def pose_bound(pose: Pose2, camera: Camera, seen: LineObservations) -> Array:
@@ -118,7 +150,7 @@ def pose_bound(pose: Pose2, camera: Camera, seen: LineObservations) -> Array:
     information = (
         middle.T @ middle + slope.T @ slope + np.diag(np.r_[0.0, 0.0, 0.0, nuisance_information(camera)])
     )
-    return _pose_covariance(information)
+    return _covariance(information)[:3, :3]
 
 
 def nuisance_information(camera: Camera) -> Array:
@@ -138,11 +170,11 @@ def student_log_density(distance: Array, sigma: Array, student: float = STUDENT)
     return tail
 
 
-def _pose_covariance(information: Array) -> Array:
+def _covariance(information: Array) -> Array:
     # A direction that nothing constrains must show as a long axis, not as a crash.
     floor = np.zeros(STATES)
     floor[:3] = 1e-4
-    covariance = np.linalg.inv(information + np.diag(floor))[:3, :3]
+    covariance = np.linalg.inv(information + np.diag(floor))
     result: Array = 0.5 * (covariance + covariance.T)
     return result
 
@@ -153,3 +185,8 @@ def _mount(camera: Camera) -> Array:
     return np.array(
         [mount.x_m, mount.y_m, mount.height_m, mount.pitch_down_rad, mount.roll_rad, mount.yaw_rad]
     )
+
+
+def _middle_and_slope(ends: Array) -> Array:
+    """Turn values at two points, (K, 2, ...), into their half sum and half difference, (K, 2, ...)."""
+    return np.stack([ends[:, 0] + ends[:, 1], ends[:, 1] - ends[:, 0]], axis=1) * 0.5

@@ -12,12 +12,16 @@ from maps.outcomes import PoseBelief
 from maps.poses import Array, Pose2
 from vision.association import GATE_SIGMAS, Matches, associate
 from vision.measurements import LineMeasurements
-from vision.pose import LineObservations, PoseEstimate, estimate_pose
+from vision.pose import LineObservations, PoseEstimate, estimate_pose, predicted_sigma_px, squared_innovations
 from vision.projection import Prediction, Projector
 from vision.scoring import EvidenceConfig, log_likelihood_ratio
 
 #: Fewer different segments than this do not fix a planar pose.
 _MIN_SEGMENTS = 3
+#: Where geometry is so weak that an edge could be anywhere, this is still where it is looked for.
+_MOST_SHIFT_PX = 10.0
+#: Chi-square gate of 3 standard deviations, for offset and direction together.
+_GATE_CHI2 = 11.83
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,10 +89,26 @@ class Scene:
         """
         predicted = self.projector.predict(trial.pose, self.rows, deviations=trial.deviations)
         polarity = self.projector.wire_map.polarity[predicted.rows]
-        if trial.deviations is None:
+        place_px = trial.spread * self.map_px(predicted)
+        if trial.estimate is None:
             pose_px = math.hypot(pose_px, self.projector.camera.shift_px)
-        map_px = trial.spread * self.map_px(predicted)
-        return predicted, associate(predicted, self.lines, pose_px, map_px, polarity)
+            return predicted, associate(predicted, self.lines, pose_px, place_px, polarity)
+        place_px = np.hypot(place_px, self.estimate_px(trial.estimate, predicted))
+        matches = associate(predicted, self.lines, pose_px, place_px, polarity)
+        seen = observations(self, predicted, matches, trial.spread, pose_px)
+        innovations = squared_innovations(trial.estimate, self.projector.camera, seen)
+        return predicted, matches[innovations <= _GATE_CHI2]
+
+    def estimate_px(self, estimate: PoseEstimate, predicted: Prediction) -> Array:
+        """Return how far an estimate's uncertainty may shift the predicted pieces, (P,), in pixels, within reason."""
+        camera, count = self.projector.camera, len(predicted)
+        rays = np.concatenate([predicted.ideal_px, np.full((count, 2, 1), camera.focal_px)], axis=2)
+        moments, directions = (
+            self.projector.moments[predicted.rows],
+            self.projector.directions[predicted.rows],
+        )
+        drawn = LineObservations(moments, directions, rays, np.ones(count), np.ones(count))
+        return np.minimum(predicted_sigma_px(estimate, camera, drawn), _MOST_SHIFT_PX)
 
     def map_px(self, predicted: Prediction) -> Array:
         """Return what the map's uncertainty makes in the image, one standard deviation, pixels (P,)."""
@@ -153,11 +173,12 @@ def _judge(scene: Scene, trial: Trial, stamp_ns: int, config: RefinementConfig) 
 
 
 def observations(
-    scene: Scene, predicted: Prediction, matches: Matches, spread: float = 1.0
+    scene: Scene, predicted: Prediction, matches: Matches, spread: float = 1.0, pose_px: float = 0.0
 ) -> LineObservations:
     """Return the matched pairs as the estimator weighs them: image noise, and the map's own uncertainty.
 
-    `spread` scales both: a map that fits the image better than it promised is believed.
+    `spread` scales both: a map that fits the image better than it promised is believed. `pose_px`: what else may
+    shift the picture.
     """
     projector, lines = scene.projector, scene.lines
     rows = predicted.rows[matches.pieces]
@@ -165,13 +186,15 @@ def observations(
     fragments = np.bincount(matches.pieces, minlength=len(predicted))[matches.pieces]
     map_px = scene.map_px(predicted)[matches.pieces] * np.sqrt(fragments)
     share = lines.lengths_px[matches.lines] / predicted.lengths_px[matches.pieces]
+    map_slope_px = map_px * np.minimum(share, 1.0)
     return LineObservations(
         moments=projector.moments[rows],
         directions=projector.directions[rows],
         rays=lines.rays[matches.lines],
-        sigma_middle_px=spread * np.hypot(lines.sigma_middle_px[matches.lines], map_px),
-        sigma_slope_px=spread
-        * np.hypot(lines.sigma_slope_px[matches.lines], map_px * np.minimum(share, 1.0)),
+        sigma_middle_px=np.hypot(pose_px, spread * np.hypot(lines.sigma_middle_px[matches.lines], map_px)),
+        sigma_slope_px=np.hypot(
+            pose_px, spread * np.hypot(lines.sigma_slope_px[matches.lines], map_slope_px)
+        ),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from maps.errors import InputError
@@ -137,9 +137,7 @@ class Setting:
 
 
 def _default_method(wire_map: WireMap, setting: Setting) -> Method:
-    config = MatcherConfig()
-    if setting.drawn:
-        config = replace(config, refinement=replace(config.refinement, edge_model_px=0.0))
+    config = MatcherConfig.for_stated_noise() if setting.drawn else MatcherConfig()
     heights_m = (setting.camera_height_m, setting.camera_height_m)
     return DefaultMethod(wire_map, cached_regions(wire_map, heights_m), config)
 

@@ -7,7 +7,7 @@ import pytest
 from localization.localizer import Localizer
 from localization.odometry import OdometryStep, advance
 from localization.verdicts import Fused, Missed, Rejected, Unused
-from localization.window import State
+from localization.states import State
 from maps.outcomes import Fix, PoseBelief
 from maps.poses import Pose2
 

@@ -6,7 +6,7 @@ import pytest
 from localization.localizer import Localizer, LocalizerConfig
 from localization.odometry import OdometryStep
 from localization.verdicts import Fused, Missed, Refusal, Rejected, Relocalized, Unused
-from localization.window import State
+from localization.states import State
 from maps.outcomes import Ambiguous, Fix, NoFix, PoseBelief, Reason
 from maps.poses import Pose2
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from localization.window import State
+from localization.states import State
 from maps.outcomes import Fix, PoseBelief
 from maps.poses import Pose2
 from runs.config import RunConfig

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+from typing import Any
+
 import cv2
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from toy_building import Face
 
 from maps.outcomes import SearchWindow
@@ -109,6 +113,11 @@ def segments_at(ideal: Array, raw: Array | None = None, sigma_px: float = 0.5) -
         polarity=one,
         contrast=100.0 * one,
     )
+
+
+def some_pieces(view: Prediction, keep: NDArray[Any]) -> Prediction:
+    """Return some of the predicted pieces, by numbers or a mask."""
+    return Prediction(*(getattr(view, column.name)[keep] for column in fields(Prediction)))
 
 
 def poses_inside(wire_map: WireMap, rng: np.random.Generator, count: int) -> list[Pose2]:

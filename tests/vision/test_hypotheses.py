@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from drawing import CAMERA, exact_lines, poses_inside, segments_at, window_around
 
 from maps.outcomes import SearchWindow
@@ -94,7 +95,8 @@ def test_no_pairs_or_only_upright_ones_give_no_hypotheses(toy_map: WireMap) -> N
 
 def test_the_grid_covers_the_window_evenly() -> None:
     window = SearchWindow(Pose2(1.0, -2.0, 3.0), 0.4, 0.3)
-    away = grid_hypotheses(window, CONFIG) - window.centre.as_array()
+    grid = grid_hypotheses(window, CONFIG)
+    away = grid - window.centre.as_array()
     assert np.hypot(away[:, 0], away[:, 1]).max() <= 0.4 + 1e-9
     assert np.abs(away[:, 2]).max() <= 0.3 + 1e-12
     assert (np.abs(away).max(axis=1) < 1e-12).any()
@@ -102,5 +104,21 @@ def test_the_grid_covers_the_window_evenly() -> None:
     rng = np.random.default_rng(16)
     for _ in range(50):
         pose = window_around(window.centre, rng, 0.4, 0.3).centre
-        gap = np.abs(grid_hypotheses(window, CONFIG) - [pose.x, pose.y, window.centre.phi])
-        assert np.hypot(gap[:, 0], gap[:, 1]).min() < 0.4 / CONFIG.grid_steps
+        gap = np.abs(wrap_angle(grid - pose.as_array()))
+        near = np.hypot(gap[:, 0], gap[:, 1]) <= CONFIG.grid_m
+        assert (gap[near, 2] <= 0.5 * CONFIG.grid_rad + 1e-12).any()
+
+
+def test_the_steps_of_the_grid_are_no_wider_than_asked_for_in_any_window() -> None:
+    for dt_m, dphi_rad in ((0.05, 0.01), (0.3, 0.17), (1.0, 0.6)):
+        grid = grid_hypotheses(SearchWindow(Pose2(0.0, 0.0, 0.0), dt_m, dphi_rad), CONFIG)
+        for axis, step in enumerate((CONFIG.grid_m, CONFIG.grid_m, CONFIG.grid_rad)):
+            values = np.unique(grid[:, axis].round(9))
+            assert 0.3 * min(step, dt_m) < np.diff(values).max() <= step + 1e-9
+            assert values[-1] == -values[0] == pytest.approx((dt_m, dt_m, dphi_rad)[axis])
+
+
+@pytest.mark.parametrize(("dt_m", "dphi_rad"), [(0.0, 0.0), (0.0, 0.1), (0.2, 0.0)])
+def test_a_window_without_width_still_has_its_centre(dt_m: float, dphi_rad: float) -> None:
+    window = SearchWindow(Pose2(1.0, -2.0, 3.0), dt_m, dphi_rad)
+    assert (np.abs(grid_hypotheses(window, CONFIG) - window.centre.as_array()).max(axis=1) < 1e-12).any()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,9 +15,11 @@ from toy_building import hall, toy_building
 
 from maps.outcomes import Ambiguous, Fix, Look, NoFix, Outcome, Reason, SearchWindow
 from maps.poses import Pose2
+from maps.regions import ViewRegions, build_regions
 from maps.wiremap import WireMap
 from vision.camera import Camera
 from vision.images import GreyImage
+from vision.lines import extract_segments
 from vision.matcher import LineMatcher
 
 #: In the first room, through the door, in the second room and back through the door.
@@ -92,6 +95,47 @@ def test_over_the_wrap_of_the_heading(toy_map: WireMap) -> None:
 def test_a_narrow_window_around_the_pose_is_enough(toy_map: WireMap) -> None:
     window = SearchWindow(POSES[0], 0.02, math.radians(0.5))
     assert_right(LineMatcher(CAMERA, toy_map).match(picture(CAMERA, POSES[0]), 0, window), POSES[0])
+
+
+@pytest.fixture(scope="module")
+def toy_regions(toy_map: WireMap) -> ViewRegions:
+    return build_regions(toy_map, (CAMERA.mount.height_m, CAMERA.mount.height_m))
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_with_regions_the_fix_is_the_same(toy_map: WireMap, toy_regions: ViewRegions, pose: Pose2) -> None:
+    window = window_around(pose, np.random.default_rng(27), *WINDOW)
+    alone = LineMatcher(CAMERA, toy_map).match(picture(CAMERA, pose), 0, window)
+    quick = LineMatcher(CAMERA, toy_map, regions=toy_regions).match(picture(CAMERA, pose), 0, window)
+    assert isinstance(alone, Fix)
+    assert isinstance(quick, Fix)
+    np.testing.assert_allclose(quick.belief.pose.minus(alone.belief.pose), 0.0, atol=1e-6)
+    np.testing.assert_allclose(quick.belief.covariance, alone.belief.covariance, rtol=1e-4, atol=1e-12)
+    assert quick.look.score == pytest.approx(alone.look.score)
+    np.testing.assert_array_equal(quick.look.matched_map, alone.look.matched_map)
+    assert quick.look.selected <= alone.look.selected
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["as it is", "the other way round"])
+def test_known_bright_sides_are_heeded(toy_map: WireMap, side: float) -> None:
+    """Sides learnt from one picture hold in another; turned round, they leave nothing to match."""
+    taught, pose = LineMatcher(CAMERA, toy_map), POSES[2]
+    image = picture(CAMERA, pose)
+    first = taught.match(image, 0, SearchWindow(pose, *WINDOW))
+    assert isinstance(first, Fix)
+    found = extract_segments(image, CAMERA, taught.config.lines)[first.look.matched_image]
+    view = taught.projector.predict(first.belief.pose, first.look.matched_map)
+    polarity = np.zeros(len(toy_map))
+    for row, line, sign in zip(first.look.matched_map, found.ideal_px, found.polarity, strict=True):
+        piece = view.ideal_px[np.flatnonzero(view.rows == row)[0]]
+        polarity[row] = side * sign * np.sign((line[1] - line[0]) @ (piece[1] - piece[0]))
+    known = LineMatcher(CAMERA, replace(toy_map, polarity=polarity))
+    other = Pose2(pose.x + 0.15, pose.y - 0.1, pose.phi + 0.04)
+    outcome = known.match(picture(CAMERA, other), 0, SearchWindow(pose, *WINDOW))
+    if side > 0.0:
+        assert_right(outcome, other)
+    else:
+        assert not isinstance(outcome, Fix)
 
 
 def test_the_same_question_has_the_same_answer_bit_for_bit(toy_map: WireMap) -> None:

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawing import CAMERA, poses_inside
+from drawing import CAMERA, poses_inside, some_pieces
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy import integrate, stats
 
 from maps.poses import Array, Pose2
@@ -111,6 +110,16 @@ def test_exact_lines_give_back_the_exact_pose(toy_map: WireMap) -> None:
         assert found.spread < 0.05
 
 
+def test_a_start_with_the_cameras_deviations_is_where_it_goes_on_from(toy_map: WireMap) -> None:
+    rng = np.random.default_rng(25)
+    pose, view = rich_views(TILTED, toy_map, rng, 1)[0]
+    seen = observed(TILTED, toy_map, view, rng.normal(0.0, SIGMA_PX, (len(view), 2)))
+    whole = estimate_pose(pose, TILTED, seen, max_iterations=30)
+    again = estimate_pose(whole.pose, TILTED, seen, max_iterations=0, deviations=whole.state[3:])
+    np.testing.assert_allclose(again.state, whole.state, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(again.covariance, whole.covariance, rtol=1e-6)
+
+
 def test_covariance_is_honest_under_gaussian_noise(toy_map: WireMap) -> None:
     """Errors squared over the covariance promised, per degree of freedom, averaged over seeded trials.
 
@@ -173,7 +182,7 @@ def test_covariance_is_symmetric_and_positive(toy_map: WireMap) -> None:
     rng = np.random.default_rng(20)
     for pose, view in rich_views(TILTED, toy_map, rng, 10):
         for count in (1, 2, 5, len(view)):
-            few = replace_rows(view, np.arange(count))
+            few = some_pieces(view, np.arange(count))
             found = estimate_pose(
                 pose, TILTED, observed(TILTED, toy_map, few, rng.normal(0, 0.5, (count, 2)))
             )
@@ -231,7 +240,3 @@ def test_the_noise_density_is_students_and_sums_to_one() -> None:
         lambda r: float(np.exp(student_log_density(np.array(r), np.array(2.0)))), -np.inf, np.inf
     )[0]
     assert total == pytest.approx(1.0, abs=1e-6)
-
-
-def replace_rows(view: Prediction, rows: NDArray[np.int64]) -> Prediction:
-    return Prediction(view.rows[rows], view.ideal_px[rows], view.depths_m[rows], view.normals[rows])

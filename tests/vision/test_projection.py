@@ -11,6 +11,7 @@ from maps.poses import Pose2
 from maps.visibility import visible_spans
 from maps.wiremap import WireMap
 from vision.camera import Camera, CameraModel
+from vision.pose import LineObservations, distances_and_jacobian
 from vision.projection import MIN_PIECE_PX, NEAR_M, Prediction, Projector, line_normals
 
 CAMERAS = pytest.mark.parametrize("camera", [CAMERA, BARREL, FISHEYE], ids=["pinhole", "barrel", "fisheye"])
@@ -35,6 +36,7 @@ def test_pieces_lie_on_their_segments_and_project_as_opencv_says(camera: Camera,
         np.testing.assert_allclose(p + share[..., None] * (q - p), points, atol=1e-6)
         assert share.min() > -1e-9
         assert share.max() < 1.0 + 1e-9
+        np.testing.assert_allclose(predicted.spans, share, atol=1e-6)
         turn, shift = cv2.Rodrigues(rotation.T)[0], -rotation.T @ centre
         expected = project(points.reshape(-1, 1, 3), turn, shift, camera.matrix, camera.distortion)[0]
         raw = camera.distort(predicted.ideal_px.reshape(-1, 2) / camera.focal_px)
@@ -101,7 +103,9 @@ def test_normals_give_distances_in_pixels(camera: Camera, toy_map: WireMap) -> N
             points = predicted.ideal_px.mean(axis=1) + off * beside
             rays = np.column_stack([points, np.full(len(points), camera.focal_px)])
             distance = (predicted.normals * rays).sum(axis=1)
-            np.testing.assert_allclose(np.abs(distance), abs(off), atol=1e-6)
+            np.testing.assert_allclose(distance, off, atol=1e-6)
+        rays = np.concatenate([predicted.ideal_px, np.full((len(predicted), 2, 1), camera.focal_px)], axis=2)
+        np.testing.assert_allclose(predicted.normals, line_normals(rays), atol=1e-9)
 
 
 def test_a_segment_through_the_camera_has_a_finite_normal() -> None:
@@ -115,6 +119,28 @@ def test_a_margin_widens_the_image(toy_map: WireMap) -> None:
     narrow, wide = projector.predict(pose, rows), projector.predict(pose, rows, margin_px=80.0)
     assert wide.lengths_px.sum() > narrow.lengths_px.sum() + 100.0
     assert wide.ideal_px[..., 0].max() == pytest.approx(639 - CAMERA.cx + 80.0)
+
+
+@CAMERAS
+def test_a_deviating_camera_is_predicted_as_the_estimator_sees_it(camera: Camera, toy_map: WireMap) -> None:
+    """Height, pitch, roll, yaw, focal length and principal point off: no distance is left at that state."""
+    deviations = np.array([0.03, 0.02, -0.015, 0.01, 0.02, 3.0, -4.0])
+    projector, rows = Projector(camera, toy_map), np.arange(len(toy_map))
+    for pose in poses_inside(toy_map, np.random.default_rng(3), 10):
+        plain, bent = projector.predict(pose, rows), projector.predict(pose, rows, deviations=deviations)
+        segments = bent.rows
+        rays = np.concatenate([bent.ideal_px, np.full((len(bent), 2, 1), camera.focal_px)], axis=2)
+        one = np.ones(len(bent))
+        seen = LineObservations(projector.moments[segments], projector.directions[segments], rays, one, one)
+        state = np.r_[pose.as_array(), deviations]
+        np.testing.assert_allclose(distances_and_jacobian(state, camera, seen)[0], 0.0, atol=1e-6)
+        np.testing.assert_allclose((bent.normals[:, None] * rays).sum(axis=2), 0.0, atol=1e-6)
+        np.testing.assert_allclose(np.hypot(*bent.normals[:, :2].T), 1.0)
+        none = projector.predict(pose, rows, deviations=np.zeros(7))
+        np.testing.assert_allclose(none.ideal_px, plain.ideal_px, atol=1e-9)
+        if len(bent):
+            distance = distances_and_jacobian(np.r_[pose.as_array(), np.zeros(7)], camera, seen)[0]
+            assert np.abs(distance).max() > 2.0
 
 
 def test_no_rows_no_pieces(toy_map: WireMap) -> None:

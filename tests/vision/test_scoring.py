@@ -6,19 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawing import CAMERA, exact_lines, poses_inside, segments_at
+from drawing import CAMERA, exact_lines, poses_inside, segments_at, some_pieces
 from numpy.typing import NDArray
+from scipy import stats
 
-from maps.outcomes import SearchWindow
-from maps.poses import Array, Pose2
+from maps.poses import Pose2
 from maps.wiremap import WireMap
-from vision.association import associate
-from vision.constraints import unary_correspondences
+from vision.association import GATE_SIGMAS, Matches, associate
 from vision.lines import ImageSegments
+from vision.measurements import LineMeasurements, measured_lines
 from vision.projection import Prediction, Projector
-from vision.scoring import EvidenceConfig, log_likelihood_ratio, quick_scores
+from vision.scoring import EvidenceConfig, log_likelihood_ratio
 
-GATE_PX = 4.0
+POSE_PX = 1.3
+GATE_PX = GATE_SIGMAS * POSE_PX
 SHIFTS = [(0.1, 0, 0), (-0.1, 0, 0), (0, 0.1, 0), (0, -0.1, 0), (0, 0, 0.03), (0, 0, -0.03), (0.2, 0.2, 0.1)]
 
 
@@ -29,18 +30,38 @@ def views(wire_map: WireMap, count: int) -> list[tuple[Pose2, Prediction]]:
     return [(pose, view) for pose, view in seen if len(view) >= 12][:count]
 
 
+def measured(segments: ImageSegments) -> LineMeasurements:
+    return measured_lines(segments, CAMERA.focal_px, 0.5)
+
+
+def matched(wire_map: WireMap, predicted: Prediction, lines: ImageSegments) -> Matches:
+    polarity = wire_map.polarity[predicted.rows]
+    return associate(predicted, measured(lines), POSE_PX, np.zeros(len(predicted)), polarity)
+
+
+def weighed(
+    wire_map: WireMap,
+    predicted: Prediction,
+    matches: Matches,
+    lines: ImageSegments,
+    gate_px: float = GATE_PX,
+    student: float = 3.0,
+) -> float:
+    return log_likelihood_ratio(
+        predicted,
+        matches,
+        measured(lines),
+        wire_map.detection_rate[predicted.rows],
+        np.full(len(predicted), gate_px),
+        np.full(len(matches), 0.5),
+        float(CAMERA.width * CAMERA.height),
+        student,
+        EvidenceConfig(),
+    )
+
+
 def evidence(wire_map: WireMap, predicted: Prediction, lines: ImageSegments) -> float:
-    matches = associate(CAMERA, predicted, lines, GATE_PX)
-    sigma = np.full(len(matches), 0.5)
-    return log_likelihood_ratio(wire_map, predicted, matches, lines, CAMERA, GATE_PX, sigma, EvidenceConfig())
-
-
-def taken(view: Prediction, rows: NDArray[np.int64]) -> Prediction:
-    return Prediction(view.rows[rows], view.ideal_px[rows], view.depths_m[rows], view.normals[rows])
-
-
-def some_lines(lines: ImageSegments, keep: Array) -> ImageSegments:
-    return lines[keep]
+    return weighed(wire_map, predicted, matched(wire_map, predicted, lines), lines)
 
 
 def test_the_true_pose_has_more_evidence_than_shifted_ones(toy_map: WireMap) -> None:
@@ -59,26 +80,38 @@ def test_edges_that_should_be_seen_and_are_not_count_against_the_pose(toy_map: W
         lines = exact_lines(CAMERA, view)
         for missing in range(len(view)):
             keep = np.arange(len(view)) != missing
-            only = some_lines(lines, keep)
-            assert evidence(toy_map, view, only) < evidence(toy_map, taken(view, np.flatnonzero(keep)), only)
+            only = lines[keep]
+            assert evidence(toy_map, view, only) < evidence(toy_map, some_pieces(view, keep), only)
 
 
 def test_a_missing_edge_costs_more_where_the_map_has_learnt_that_it_shows(toy_map: WireMap) -> None:
     _, view = views(toy_map, 1)[0]
-    lines = some_lines(exact_lines(CAMERA, view), np.arange(len(view)) != 0)
+    keep = np.arange(len(view)) != 0
+    lines = exact_lines(CAMERA, view)[keep]
     rates = [replace(toy_map, detection_rate=np.full(len(toy_map), rate)) for rate in (0.1, 0.9)]
     lost = [
-        evidence(learnt, taken(view, np.arange(1, len(view))), lines) - evidence(learnt, view, lines)
-        for learnt in rates
+        evidence(learnt, some_pieces(view, keep), lines) - evidence(learnt, view, lines) for learnt in rates
     ]
     assert 0.0 < lost[0] < lost[1]
 
 
+def test_edges_bright_on_the_wrong_side_are_edges_not_seen(toy_map: WireMap) -> None:
+    _, view = views(toy_map, 1)[0]
+    lines = exact_lines(CAMERA, view)
+    known, against = (replace(toy_map, polarity=np.full(len(toy_map), side)) for side in (1.0, -1.0))
+    nothing = lines[np.zeros(0, np.int64)]
+    assert evidence(known, view, lines) == evidence(toy_map, view, lines)
+    # All that the lines of a picture with other sides do is to make accidents likelier.
+    assert evidence(against, view, lines) < 0.0
+    assert evidence(against, view, lines) == pytest.approx(evidence(toy_map, view, nothing), rel=0.3)
+
+
 def test_no_lines_is_evidence_against_and_no_prediction_is_none(toy_map: WireMap) -> None:
     _, view = views(toy_map, 1)[0]
-    nothing = some_lines(exact_lines(CAMERA, view), np.zeros(0, np.int64))
-    assert evidence(toy_map, view, nothing) < 0.0
-    assert evidence(toy_map, taken(view, np.zeros(0, np.int64)), exact_lines(CAMERA, view)) == 0.0
+    none: NDArray[np.int64] = np.zeros(0, np.int64)
+    lines = exact_lines(CAMERA, view)
+    assert evidence(toy_map, view, lines[none]) < 0.0
+    assert evidence(toy_map, some_pieces(view, none), lines) == 0.0
 
 
 def test_a_picture_full_of_strokes_proves_less(toy_map: WireMap) -> None:
@@ -87,36 +120,32 @@ def test_a_picture_full_of_strokes_proves_less(toy_map: WireMap) -> None:
     lines = exact_lines(CAMERA, view)
     starts = rng.uniform([-300, -220], [300, 220], (800, 2))
     stray = np.stack([starts, starts + rng.normal(0.0, 60.0, starts.shape)], axis=1)
-    ideal = np.concatenate([lines.ideal_px, stray])
-    busy = segments_at(ideal)
-    matches, sigma = associate(CAMERA, view, lines, GATE_PX), np.full(len(view), 0.5)
-    scores = [
-        log_likelihood_ratio(
-            toy_map, view, matches, found, CAMERA, GATE_PX, sigma[: len(matches)], EvidenceConfig()
-        )
-        for found in (lines, busy)
-    ]
-    assert scores[1] < scores[0]
+    busy = segments_at(np.concatenate([lines.ideal_px, stray]))
+    matches = matched(toy_map, view, lines)
+    assert weighed(toy_map, view, matches, busy) < weighed(toy_map, view, matches, lines)
 
 
-def test_quick_scores_peak_at_the_true_pose_and_there_cover_all_that_is_predicted(toy_map: WireMap) -> None:
-    for pose, view in views(toy_map, 10):
-        lines = exact_lines(CAMERA, view)
-        window = SearchWindow(pose, 0.3, 0.17)
-        pairs = unary_correspondences(CAMERA, toy_map, lines, view, window)
-        poses = pose.as_array() + np.array([(0.0, 0.0, 0.0), *SHIFTS])
-        scores = quick_scores(CAMERA, toy_map, lines, pairs, view, poses, 4.0)
-        assert scores.shape == (len(poses),)
-        assert scores.argmax() == 0
-        assert scores[0] == pytest.approx(view.lengths_px.sum(), rel=0.02)
+def test_one_edge_is_worth_what_the_formula_says(toy_map: WireMap) -> None:
+    """A piece of 120 px is four looks; half of it is covered, 0.7 px off, in an image with little else."""
+    ideal = np.array([[[-60.0, 10.0], [60.0, 10.0]]])
+    normals = np.array([[0.0, 1.0, -10.0 / CAMERA.focal_px]])
+    edge = Prediction(np.zeros(1, np.int64), ideal, np.ones((1, 2)), normals, np.array([[0.0, 1.0]]))
+    lines = segments_at(np.array([[[-60.0, 10.7], [0.0, 10.7]]]))
+    config = EvidenceConfig()
+    rate, chance = config.detection_rate, config.min_chance
+    looks = 2.0 * np.log(rate / chance) + 2.0 * np.log((1.0 - rate) / (1.0 - chance))
+    closeness = np.log(2.0 * GATE_PX) + stats.t(3, scale=0.5).logpdf(0.7)
+    assert evidence(toy_map, edge, lines) == pytest.approx(looks + closeness)
 
 
-def test_quick_scores_do_not_depend_on_the_company(toy_map: WireMap) -> None:
-    pose, view = views(toy_map, 1)[0]
+def test_a_match_at_some_distance_is_worth_less_and_least_under_gaussian_noise(toy_map: WireMap) -> None:
+    _, view = views(toy_map, 1)[0]
     lines = exact_lines(CAMERA, view)
-    pairs = unary_correspondences(CAMERA, toy_map, lines, view, SearchWindow(pose, 0.3, 0.17))
-    poses = pose.as_array() + np.random.default_rng(25).normal(0.0, 0.1, (300, 3))
-    together = quick_scores(CAMERA, toy_map, lines, pairs, view, poses, 4.0)
-    alone = [quick_scores(CAMERA, toy_map, lines, pairs, view, row[None], 4.0)[0] for row in poses[::40]]
-    np.testing.assert_allclose(together[::40], alone, rtol=1e-9)
-    assert quick_scores(CAMERA, toy_map, lines, pairs, view, poses[:0], 4.0).shape == (0,)
+    matches = matched(toy_map, view, lines)
+    apart = replace(matches, distances_px=matches.distances_px + 2.0)
+    lost = [
+        weighed(toy_map, view, matches, lines, student=student)
+        - weighed(toy_map, view, apart, lines, student=student)
+        for student in (3.0, 1000.0)
+    ]
+    assert 0.0 < lost[0] < lost[1]
