@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,7 +96,7 @@ def _associate(
     ways = ideal[:, 1] - ideal[:, 0]
     piece_lengths = np.sqrt(ways[:, 0] ** 2 + ways[:, 1] ** 2)
     ways = ways / piece_lengths.reshape(-1, 1)
-    best, least = np.full(count, -1), np.full(count, GATE_SIGMAS**2)
+    best, least = np.full(count, -1), np.full(count, np.inf)
     spans, distances = np.empty((count, 2)), np.empty((count, 2))
     for m in range(count):
         for p in range(len(ideal)):
@@ -107,9 +108,11 @@ def _associate(
             first = a * rays[m, 0, 0] + b * rays[m, 0, 1] + c
             second = a * rays[m, 1, 0] + b * rays[m, 1, 1] + c
             common = map_px[p] ** 2 + pose_px**2
-            cost = 0.25 * (first + second) ** 2 / (common + sigma_middle[m] ** 2)
-            cost += 0.25 * (second - first) ** 2 / (common + sigma_slope[m] ** 2)
-            if cost >= least[m]:
+            middle, slope = common + sigma_middle[m] ** 2, common + sigma_slope[m] ** 2
+            square = 0.25 * ((first + second) ** 2 / middle + (second - first) ** 2 / slope)
+            # Likelihood decides between pieces: a doubtful one must not take lines from a certain one.
+            cost = square + math.log(middle * slope)
+            if square > GATE_SIGMAS**2 or cost >= least[m]:
                 continue
             start = wx * (ends[m, 0, 0] - ideal[p, 0, 0]) + wy * (ends[m, 0, 1] - ideal[p, 0, 1])
             end = wx * (ends[m, 1, 0] - ideal[p, 0, 0]) + wy * (ends[m, 1, 1] - ideal[p, 0, 1])

@@ -42,7 +42,9 @@ class GlobalConfig:
     #: Headings with fewer votes than this share of the most are not tried.
     votes_share: float = 0.5
     #: How far votes scatter.
-    votes_rad: float = math.radians(1.0)
+    votes_rad: float = math.radians(1.5)
+    #: Where votes are flat, one in so many bins (half a degree) is tried.
+    between_bins: int = 6
     #: Coarse hypotheses that are looked at more closely, and steps to either side then.
     kept: int = 400
     fine_steps: int = 1
@@ -109,12 +111,11 @@ def likely_headings(
     votes = np.fft.irfft(np.fft.rfft(sharp) * np.conj(np.fft.rfft(lines)), _BINS)
     if votes.max() <= 0.0:
         return np.arange(-math.pi, math.pi, config.votes_rad)
-    peaks = (
-        (votes >= np.roll(votes, 1))
-        & (votes > np.roll(votes, -1))
-        & (votes >= config.votes_share * votes.max())
-    )
-    turn = np.flatnonzero(peaks) * math.pi / _BINS - camera.mount.yaw_rad
+    likely = votes >= config.votes_share * votes.max()
+    peaks = likely & (votes >= np.roll(votes, 1)) & (votes > np.roll(votes, -1))
+    # Between the peaks, too, where they hardly stand out.
+    between = likely & (np.arange(_BINS) % config.between_bins == 0)
+    turn = np.flatnonzero(peaks | between) * math.pi / _BINS - camera.mount.yaw_rad
     result: Array = wrap_angle(np.concatenate([turn, turn + math.pi]))
     return result
 

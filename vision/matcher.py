@@ -63,6 +63,8 @@ class MatcherConfig:
         return cls(
             refinement=RefinementConfig(edge_model_px=0.0, student=30.0, spread_limits=(1.0, 1.0)),
             decision=DecisionConfig(min_score=5.0, min_matched=3, score_temper=1.0),
+            # A handful of lines says little about the heading: all of them are tried.
+            floor=GlobalConfig(votes_share=0.0, kept=600, refined=60),
         )
 
 
