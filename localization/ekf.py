@@ -1,29 +1,109 @@
-"""The extended Kalman filter over (x, y, phi): filterpy behind three functions on beliefs."""
+"""The extended Kalman filter over pose and systematic errors: filterpy behind three functions on estimates.
+
+The state is (x, y, phi) and the parameters of odometry's systematic errors (`localization.odometry`), each
+a unit normal a priori that slowly forgets (a first-order Gauss-Markov process). A fix tells of the pose
+alone; what it says of the parameters comes through their correlation with it.
+
+Random errors have heavy tails: now and then a wheel slips. Beside its covariance an estimate therefore
+carries what a slip since the last fix would add to it, and a fix that is more likely after a slip is
+judged and fused with the sum: two models, and a decision at every fix (Bar-Shalom, Li and Kirubarajan,
+Estimation with Applications to Tracking and Navigation, section 11.6).
+"""
 
 from __future__ import annotations
 
-from copy import copy
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from scipy.stats import chi2
 
-from localization.odometry import OdometryStep, advance, motion_jacobians, motion_noise
+from localization.motion import carried, moved
+from localization.odometry import PARAMETERS, OdometryStep
 from maps.outcomes import PoseBelief
-from maps.poses import Array, Pose2, wrap_angle
+from maps.poses import Array, Pose2
+
+#: A wheel slips between one pair of fixes in a hundred; nobody asks before the residual is out of the
+#: ordinary.
+_SLIP_LOG_ODDS = math.log(0.01 / 0.99)
+_ORDINARY = 0.95
+#: The ratio of chi-square's quantiles of 99 and 99.9 %, one degree of freedom.
+_SLIP_SHARE = float(chi2.ppf(0.99, 1) / chi2.ppf(0.999, 1))
+
+_SIZE = 3 + PARAMETERS
+_POSE = np.eye(3, _SIZE)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """A Gaussian over the pose and the parameters of the systematic errors at one time.
+
+    `mean`: (7,) x, y [m], phi [rad], then the parameters in their own standard deviations; `joint`: (7, 7),
+    its covariance. `slip`: (3, 3), what the pose's covariance would be more if odometry had slipped since
+    the last fix. None is copied: whoever makes one hands them over.
+    """
+
+    stamp_ns: int
+    mean: Array
+    joint: Array
+    slip: Array
+
+    def __post_init__(self) -> None:
+        for values in (self.mean, self.joint, self.slip):
+            values.setflags(write=False)
+
+    @classmethod
+    def of(cls, belief: PoseBelief) -> Estimate:
+        """Begin at a belief, with the parameters as they are a priori."""
+        joint = np.eye(_SIZE)
+        joint[:3, :3] = belief.covariance
+        mean = np.append(belief.pose.as_array(), np.zeros(PARAMETERS))
+        return cls(belief.stamp_ns, mean, joint, np.zeros((3, 3)))
+
+    @property
+    def pose(self) -> Pose2:
+        """The mean of map_from_robot."""
+        return Pose2.from_array(self.mean)
+
+    @property
+    def covariance(self) -> Array:
+        """The pose's covariance, (3, 3)."""
+        block = self.joint[:3, :3]
+        # Rounding leaves filterpy's P slightly unsymmetric.
+        return 0.5 * (block + block.T)
+
+    @property
+    def belief(self) -> PoseBelief:
+        """What it says of the pose."""
+        return PoseBelief(self.stamp_ns, self.pose, self.covariance)
+
+    @property
+    def wide(self) -> PoseBelief:
+        """The same, wide enough for a slip: where its 99.9 % end, 99 % of what can be after a slip do too."""
+        return PoseBelief(self.stamp_ns, self.pose, self.covariance + _SLIP_SHARE * self.slip)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Innovation:
     """What a fix says beyond the belief: z - h(x), (d,), and its covariance S, (d, d).
 
-    `nis` is the squared Mahalanobis length of the residual, chi-square with `dof` degrees.
+    `rows`: H, (d, 7), and `noise`: R, (d, d), of the components that the fix measured. `slipped`: S is that of
+    odometry that has slipped since the last fix. `nis` is the squared Mahalanobis length of the residual,
+    chi-square with `dof` degrees.
     """
 
     residual: Array
     covariance: Array
+    rows: Array
+    noise: Array
+    slipped: bool = False
+    nis: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        nis = float(self.residual @ np.linalg.solve(self.covariance, self.residual))
+        object.__setattr__(self, "nis", nis)
 
     @property
     def dof(self) -> int:
@@ -31,9 +111,9 @@ class Innovation:
         return len(self.residual)
 
     @property
-    def nis(self) -> float:
-        """The normalized innovation squared."""
-        return float(self.residual @ np.linalg.solve(self.covariance, self.residual))
+    def log_likelihood(self) -> float:
+        """The logarithm of the residual's density, but for a constant."""
+        return -0.5 * (self.nis + float(np.linalg.slogdet(self.covariance)[1]))
 
     def inside(self, probability: float) -> bool:
         """Tell whether the residual lies within the ellipse that holds this probability."""
@@ -41,68 +121,82 @@ class Innovation:
 
 
 class _ArcFilter(ExtendedKalmanFilter):  # type: ignore[misc]
-    """filterpy's filter; its predict() is linear, this one moves along the arc."""
+    """filterpy's filter; its predict() is linear, this one is told where the arc leads."""
 
     x: Array
     P: Array
 
-    def predict_x(self, u: OdometryStep) -> None:
-        self.x = advance(Pose2.from_array(self.x), u).as_array()
-
-    def belief(self, stamp_ns: int) -> PoseBelief:
-        # Rounding leaves P slightly unsymmetric, and filterpy does not wrap the state.
-        return PoseBelief(stamp_ns, Pose2.from_array(self.x), 0.5 * (self.P + self.P.T))
+    def predict_x(self, u: Array) -> None:
+        self.x = u
 
 
-#: Never run itself. filterpy's methods replace its arrays and change none in place, so a shallow copy is
-#: a filter of its own, made in a quarter of the time.
-_BLANK = _ArcFilter(dim_x=3, dim_z=3)
+#: Never run itself. filterpy's methods replace its arrays and change none in place, so one with the same
+#: attributes is a filter of its own, made in a fraction of the time.
+_BLANK = vars(_ArcFilter(dim_x=_SIZE, dim_z=3))
 
 
-def _filter_at(belief: PoseBelief) -> _ArcFilter:
-    ekf = copy(_BLANK)
-    ekf.x, ekf.P = belief.pose.as_array(), belief.covariance
+def _filter_at(estimate: Estimate) -> _ArcFilter:
+    ekf = _ArcFilter.__new__(_ArcFilter)
+    ekf.__dict__.update(_BLANK)
+    ekf.x, ekf.P = estimate.mean, estimate.joint
     return ekf
 
 
-def predict(belief: PoseBelief, step: OdometryStep) -> PoseBelief:
-    """Move a belief along a step: x = f(x, u), P = F P F' + G M G' (Thrun et al., table 3.3)."""
-    ekf = _filter_at(belief)
-    ekf.F, by_motion = motion_jacobians(belief.pose, step)
-    ekf.Q = motion_noise(belief.pose, step, by_motion)
-    ekf.predict(step)
-    return ekf.belief(step.stamp_ns)
+def predict(estimate: Estimate, step: OdometryStep) -> Estimate:
+    """Move an estimate along a step, P = F P F' + Q (Thrun et al., table 3.3).
 
-
-def innovation(belief: PoseBelief, fix: PoseBelief) -> Innovation:
-    """Compare a fix with the belief at its stamp, in the components that the fix measured."""
-    measured = fix.measured
-    residual = fix.pose.minus(belief.pose)[measured]
-    rows = np.ix_(measured, measured)
-    return Innovation(residual, (belief.covariance + fix.covariance)[rows])
-
-
-def update(belief: PoseBelief, fix: PoseBelief) -> PoseBelief:
-    """Fuse a fix into the belief at its stamp, in the components that the fix measured.
-
-    P is filterpy's Joseph form, (I - K H) P (I - K H)' + K R K', positive whatever the gain.
+    The parameters correct the step before it moves the pose.
     """
+    ekf = _filter_at(estimate)
+    motion = step.forward_m, step.turn_rad
+    after, ekf.F, ekf.Q = moved(estimate.mean, motion, step.systematic, step.random, step.forgetting)
+    after[2] = _wrapped(after[2])
+    ekf.predict(after)
+    return Estimate(step.stamp_ns, ekf.x, ekf.P, carried(estimate.slip, ekf.F, step.slip, ekf.Q))
+
+
+def _wrapped(angle: float) -> float:
+    """Wrap one angle, faster than for arrays."""
+    wrapped = math.remainder(angle, math.tau)
+    return wrapped if wrapped > -math.pi else math.pi
+
+
+def innovation(estimate: Estimate, fix: PoseBelief) -> Innovation:
+    """Compare a fix with the estimate at its stamp, in the components that the fix measured."""
+    here, noise, slip = estimate.joint[:3, :3], fix.covariance, estimate.slip
+    pose = fix.pose
+    x, y, phi = estimate.mean[:3].tolist()
+    residual, rows = np.array([pose.x - x, pose.y - y, _wrapped(pose.phi - phi)]), _POSE
     measured = fix.measured
-    rows = np.eye(3)[measured]
-    ekf = _filter_at(belief)
-    ekf.update(
-        fix.pose.as_array()[measured],
-        HJacobian=lambda _: rows,
-        Hx=lambda x: rows @ x,
-        R=fix.covariance[np.ix_(measured, measured)],
-        residual=lambda z, expected: _difference(rows, z, expected),
-    )
-    return ekf.belief(belief.stamp_ns)
+    if not measured.all():
+        block = np.ix_(measured, measured)
+        here, noise, slip = here[block], noise[block], slip[block]
+        residual, rows = residual[measured], _POSE[measured]
+    usual = Innovation(residual, here + noise, rows, noise)
+    if usual.inside(_ORDINARY):
+        return usual
+    slipped = Innovation(residual, usual.covariance + slip, rows, noise, slipped=True)
+    odds = slipped.log_likelihood - usual.log_likelihood + _SLIP_LOG_ODDS
+    return slipped if odds > 0.0 else usual
 
 
-def _difference(rows: Array, z: Array, expected: Array) -> Array:
-    difference = z - expected
-    return np.where(rows[:, 2] > 0.0, wrap_angle(difference), difference)
+def update(estimate: Estimate, fix: PoseBelief, news: Innovation | None = None) -> Estimate:
+    """Fuse a fix into the estimate at its stamp, in the components that the fix measured.
+
+    `news`: their innovation, where it is known already. P is filterpy's Joseph form,
+    (I - K H) P (I - K H)' + K R K', positive whatever the gain.
+    """
+    news = news or innovation(estimate, fix)
+    ekf = _filter_at(estimate)
+    if news.slipped:
+        ekf.P = np.array(estimate.joint)
+        ekf.P[:3, :3] += estimate.slip
+    # The innovation is given, so that filterpy need not know that angles wrap.
+    ekf.update(news.residual, lambda _: news.rows, lambda _: 0.0, R=news.noise)
+    mean, joint = np.array(ekf.x), ekf.P + ekf.P.T
+    mean[2] = _wrapped(mean[2])
+    joint *= 0.5
+    return Estimate(estimate.stamp_ns, mean, joint, np.zeros((3, 3)))
 
 
 @lru_cache(maxsize=32)

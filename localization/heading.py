@@ -16,8 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from localization.ekf import quantile
-from localization.history import History, order_of
+from localization.history import History
 from localization.odometry import OdometryStep
+from localization.sightings import Sighting
+from localization.timeline import Timeline, TimelineConfig
+from localization.trust import Mind
 from localization.verdicts import Fused
 from localization.window import position_radius
 from maps.outcomes import PoseBelief, SearchWindow
@@ -33,12 +36,17 @@ class HeadingConfig:
     having a single mode. `grid`: number of headings, 1 degree apart. `widening`: the filter starts
     with the posterior's standard deviation times this, because it will see the same fixes again; of
     their information 1/9 then counts twice.
+    `patience_s`, `patience_m`: a search that has found nothing after so long and so far has begun at a
+    wrong position. `misses`: after so many images without a fix nearby, look for one everywhere.
     """
 
     limit_rad: float = math.radians(5.0)
     certainty: float = 0.999
     grid: int = 360
     widening: float = 3.0
+    patience_s: float = 60.0
+    patience_m: float = 3.0
+    misses: int = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,33 +98,41 @@ class _Grid:
 class HeadingSearch:
     """Odometry and fixes since the start, until they tell the first heading."""
 
-    def __init__(self, initial: PoseBelief, config: HeadingConfig, gate: float) -> None:
-        """Begin at a belief with a position and no heading; `gate`: probability of a good fix passing."""
-        self._initial, self._config, self._gate = initial, config, gate
+    def __init__(self, initial: PoseBelief, config: HeadingConfig, parts: TimelineConfig) -> None:
+        """Begin at a belief with a position and no heading; `parts`: of the timeline to hand over."""
+        self._initial, self._config, self._parts = initial, config, parts
         start = PoseBelief(initial.stamp_ns, Pose2(0.0, 0.0, 0.0), np.zeros((3, 3)))
-        self._motion = History(start, gate, math.inf)
-        self._fixes: list[PoseBelief] = []
+        self._motion = History(start, parts.gate, math.inf)
+        self._looks: list[Sighting] = []
         self._grid = _Grid.begin(initial, config.grid)
 
     def predict(self, step: OdometryStep) -> None:
         """Follow the odometry in the frame of the start."""
         self._motion.append(step)
 
-    def gather(self, fix: PoseBelief) -> History | None:
-        """Take a fix; return the replayed history once it shows the heading, else None."""
+    def stuck(self, stamp_ns: int) -> bool:
+        """Tell whether it has gone on for so long that the start cannot be right."""
+        motion = self._motion.belief_at(stamp_ns)
+        if motion is None or (stamp_ns - self._initial.stamp_ns) * 1e-9 <= self._config.patience_s:
+            return False
+        return math.hypot(motion.pose.x, motion.pose.y) > self._config.patience_m
+
+    def gather(self, look: Sighting) -> Timeline | None:
+        """Take a look with one place; return the replayed timeline once it shows the heading, else None."""
+        fix = look.places[0]
         motion = self._motion.belief_at(fix.stamp_ns)
         if motion is None:
             return None
-        insort(self._fixes, fix, key=order_of)
+        insort(self._looks, look, key=lambda look: look.order)
         if fix.measured[2]:
             variance = fix.covariance[2, 2] + motion.covariance[2, 2]
-            return self._start(fix, fix.pose.phi - motion.pose.phi, math.sqrt(variance))
-        if self._fixes[-1] is fix:
-            self._grid = self._grid.seen(fix, motion, self._gate)
+            return self._start(look, fix.pose.phi - motion.pose.phi, math.sqrt(variance))
+        if self._looks[-1] is look:
+            self._grid = self._grid.seen(fix, motion, self._parts.gate)
         else:
             self._grid = self._seen_again()
         found = self._found()
-        return self._start(fix, *found) if found else None
+        return self._start(look, *found) if found else None
 
     def window_at(self, stamp_ns: int, probability: float) -> SearchWindow:
         """Return where the robot can be: as far from the start as odometry went, in any direction."""
@@ -129,10 +145,10 @@ class HeadingSearch:
 
     def _seen_again(self) -> _Grid:
         grid = _Grid.begin(self._initial, self._config.grid)
-        for fix in self._fixes:
+        for fix in (look.places[0] for look in self._looks):
             motion = self._motion.belief_at(fix.stamp_ns)
             if motion is not None and not fix.measured[2]:
-                grid = grid.seen(fix, motion, self._gate)
+                grid = grid.seen(fix, motion, self._parts.gate)
         return grid
 
     def _found(self) -> tuple[float, float] | None:
@@ -148,16 +164,17 @@ class HeadingSearch:
             return None
         return mean, std
 
-    def _start(self, newest: PoseBelief, phi: float, std: float) -> History | None:
+    def _start(self, newest: Sighting, phi: float, std: float) -> Timeline | None:
         """Start the filter at the first stamp and replay; None where the newest fix does not fit in."""
         covariance = np.array(self._initial.covariance)
         covariance[2, 2] = (self._config.widening * std) ** 2
         pose = Pose2(self._initial.pose.x, self._initial.pose.y, phi)
         anchor = PoseBelief(self._initial.stamp_ns, pose, covariance)
-        history = History(anchor, self._gate, math.inf, self._fixes)
+        mind = Mind.at(anchor, self._parts.hypotheses)
+        timeline = Timeline(anchor.stamp_ns, mind, self._parts, self._looks)
         for step in self._motion.steps[1:]:
-            history.append(step)
-        return history if isinstance(history.verdict_of(newest), Fused) else None
+            timeline.append(step)
+        return timeline if isinstance(timeline.verdict_of(newest), Fused) else None
 
 
 def _headings(size: int) -> Array:

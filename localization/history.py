@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from localization.ekf import innovation, predict, update
+from localization.ekf import Estimate, innovation, predict, update
 from localization.odometry import OdometryStep
 from localization.verdicts import Fused, Refusal, Rejected
 from maps.outcomes import PoseBelief
@@ -28,10 +28,10 @@ class _Leg:
     `fused_ns`: stamp of the newest fix fused up to its end.
     """
 
-    before: PoseBelief
+    before: Estimate
     step: OdometryStep
     fixes: tuple[PoseBelief, ...]
-    after: PoseBelief
+    after: Estimate
     verdicts: tuple[FixVerdict, ...]
     fused_ns: int
 
@@ -51,7 +51,7 @@ class History:
         self._gate, self._span_ns = gate, span_ns
         self._pending = sorted(fixes, key=order_of)
         # A motionless leg before the anchor: fixes at the anchor's own stamp need no special case.
-        before = PoseBelief(anchor.stamp_ns - 1, anchor.pose, anchor.covariance)
+        before = Estimate.of(PoseBelief(anchor.stamp_ns - 1, anchor.pose, anchor.covariance))
         still = OdometryStep(before.stamp_ns, anchor.stamp_ns, 0.0, 0.0, np.zeros((2, 2)))
         self._fused_before_ns = anchor.stamp_ns
         self._legs = [self._run(before, still, self._take_pending(anchor.stamp_ns), anchor.stamp_ns)]
@@ -114,9 +114,9 @@ class History:
             return self._belief_from(self._legs[-1].after, stamp_ns)
         leg = self._legs[self._index(stamp_ns)]
         if stamp_ns == leg.step.stamp_ns:
-            return leg.after
+            return leg.after.belief
         fixes = tuple(fix for fix in leg.fixes if fix.stamp_ns <= stamp_ns)
-        return self._run(leg.before, leg.step.part(leg.step.start_ns, stamp_ns), fixes, 0).after
+        return self._run(leg.before, leg.step.part(leg.step.start_ns, stamp_ns), fixes, 0).after.belief
 
     @property
     def _end_ns(self) -> int:
@@ -143,8 +143,8 @@ class History:
         insort(self._pending, fix, key=order_of)
         return self.verdict_of(fix)
 
-    def _belief_from(self, last: PoseBelief, stamp_ns: int) -> PoseBelief:
-        return last if stamp_ns == last.stamp_ns else self._guess(stamp_ns).after
+    def _belief_from(self, last: Estimate, stamp_ns: int) -> PoseBelief:
+        return (last if stamp_ns == last.stamp_ns else self._guess(stamp_ns).after).belief
 
     def _guess(self, stamp_ns: int) -> _Leg:
         last = self._legs[-1]
@@ -160,23 +160,23 @@ class History:
             self._legs[i] = self._run(last.after, leg.step, leg.fixes, last.fused_ns)
 
     def _run(
-        self, before: PoseBelief, step: OdometryStep, fixes: tuple[PoseBelief, ...], fused_ns: int
+        self, before: Estimate, step: OdometryStep, fixes: tuple[PoseBelief, ...], fused_ns: int
     ) -> _Leg:
         """Predict to each fix inside the step, gate it, fuse it; then predict to the step's end."""
-        belief, verdicts = before, list[FixVerdict]()
+        estimate, verdicts = before, list[FixVerdict]()
         for fix in fixes:
-            belief = self._predict(belief, step, fix.stamp_ns)
-            news = innovation(belief, fix)
+            estimate = self._predict(estimate, step, fix.stamp_ns)
+            news = innovation(estimate, fix)
             if news.inside(self._gate):
-                belief, fused_ns = update(belief, fix), fix.stamp_ns
+                estimate, fused_ns = update(estimate, fix, news), fix.stamp_ns
                 verdicts.append(Fused(news.nis))
             else:
                 verdicts.append(Rejected(Refusal.GATE, news.nis))
-        after = self._predict(belief, step, step.stamp_ns)
+        after = self._predict(estimate, step, step.stamp_ns)
         return _Leg(before, step, fixes, after, tuple(verdicts), fused_ns)
 
     @staticmethod
-    def _predict(belief: PoseBelief, step: OdometryStep, stamp_ns: int) -> PoseBelief:
-        if stamp_ns == belief.stamp_ns:
-            return belief
-        return predict(belief, step.part(belief.stamp_ns, stamp_ns))
+    def _predict(estimate: Estimate, step: OdometryStep, stamp_ns: int) -> Estimate:
+        if stamp_ns == estimate.stamp_ns:
+            return estimate
+        return predict(estimate, step.part(estimate.stamp_ns, stamp_ns))

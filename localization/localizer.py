@@ -1,138 +1,182 @@
-"""Where the robot is: odometry and fixes in, belief, search window and state out."""
+"""Where the robot is: odometry and looks at the world in; belief, search window and state out."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from localization.deadreckoning import DeadReckoning
 from localization.heading import HeadingConfig, HeadingSearch
-from localization.history import History
+from localization.hypotheses import HypothesesConfig
 from localization.odometry import OdometryStep
-from localization.verdicts import ACCEPTED, Fused, Missed, Refusal, Rejected, Relocalized, Unused, Verdict
-from localization.window import (
-    ANYWHERE,
-    State,
-    StateConfig,
-    WindowConfig,
-    search_window,
-    state_of,
-)
-from maps.outcomes import Ambiguous, Fix, NoFix, Outcome, PoseBelief, SearchWindow
+from localization.sightings import EvidenceConfig, Sighting, sighting_of
+from localization.states import Diagnosis, State, StateConfig, diagnose
+from localization.timeline import Timeline, TimelineConfig
+from localization.trust import Mind, TrustConfig
+from localization.verdicts import Missed, Unused, Verdict
+from localization.window import WindowConfig, search_windows
+from maps.outcomes import Fix, Outcome, PoseBelief, SearchWindow
+from maps.poses import Pose2
 
 
 @dataclass(frozen=True, slots=True)
 class LocalizerConfig:
-    """How fixes are judged.
+    """How looks are judged.
 
     `gate`: probability that a good fix passes the chi-square gate on its innovation. `history_s`: how
-    late a fix may come; longer than any matcher takes. `rivals_needed`: so many fixes on end that the gate
-    refuses, but that agree with each other and with the odometry between them, outweigh the belief: a wheel
-    has slipped, or somebody has moved the robot.
+    late a look may come; longer than any matcher takes.
     """
 
     gate: float = 0.999
     history_s: float = 1.5
-    rivals_needed: int = 3
+    evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
+    hypotheses: HypothesesConfig = field(default_factory=HypothesesConfig)
+    trust: TrustConfig = field(default_factory=TrustConfig)
     window: WindowConfig = field(default_factory=WindowConfig)
     state: StateConfig = field(default_factory=StateConfig)
     heading: HeadingConfig = field(default_factory=HeadingConfig)
 
 
 class Localizer:
-    """The belief over time, from odometry and absolute fixes, late or not.
+    """The belief over time, from odometry and looks at the world, late or not.
 
-    It has no belief, and is LOST, until it knows a position and a heading.
+    It has no belief, and is LOST, until a place is trusted: told, or found by looks that confirm each other.
     """
 
-    def __init__(self, initial: PoseBelief, config: LocalizerConfig | None = None) -> None:
-        """Begin at a belief; what it does not know of the pose has an infinite variance."""
+    def __init__(self, initial: PoseBelief | None = None, config: LocalizerConfig | None = None) -> None:
+        """Begin at a belief; None, or an infinite variance, for what is not known of the pose."""
         self._config = config or LocalizerConfig()
+        self._reckoning = DeadReckoning()
         self.reset(initial)
 
-    def reset(self, belief: PoseBelief) -> None:
-        """Forget the past and begin again at a belief."""
-        config, measured = self._config, belief.measured
-        self._misses = 0
-        self._history: History | None = None
+    def reset(self, belief: PoseBelief | None) -> None:
+        """Forget what is believed and begin again at a belief, or anywhere; odometry since then counts.
+
+        The odometry frame stays as it is.
+        """
+        steps = self._recent_steps()
+        self._timeline: Timeline | None = None
         self._search: HeadingSearch | None = None
-        self._rival: History | None = None
-        self._rivals = 0
-        if measured.all():
-            self._history = History(belief, config.gate, config.history_s * 1e9)
-        elif measured[:2].all():
-            self._search = HeadingSearch(belief, config.heading, config.gate)
+        if belief is not None:
+            known = belief.measured
+            mind = Mind.at(belief, self._config.hypotheses) if known.all() else Mind.lost()
+            self._timeline = Timeline(belief.stamp_ns, mind, self._parts(self._config.history_s * 1e9))
+            if known[:2].all() and not known[2]:
+                self._search = self._searching(belief)
+        for step in steps:
+            self._follow(step)
 
     @property
     def belief(self) -> PoseBelief | None:
         """The newest belief; None while lost."""
-        return self._history.belief if self._history else None
+        return self.belief_at(self._timeline.newest_ns) if self._timeline else None
 
     @property
     def state(self) -> State:
         """How well the robot knows where it is."""
-        if self._history is None:
-            return State.LOST
-        return state_of(self._history.belief, self._history.fused_ns, self._config.state)
+        return self.diagnosis.state
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """The state with its reasons."""
+        return diagnose(*self._now(), self._config.state)
+
+    @property
+    def beliefs(self) -> tuple[tuple[PoseBelief, float], ...]:
+        """All places that compete, trusted or not, with their probabilities, the likeliest first."""
+        mind, _ = self._now()
+        return tuple((place.estimate.belief, place.weight) for place in mind.hypotheses.places)
+
+    @property
+    def odom_from_robot(self) -> Pose2:
+        """Dead reckoning since the beginning, at the newest odometry: it drifts, and never jumps (REP-105)."""
+        return self._reckoning.odom_from_robot
+
+    @property
+    def map_from_odom(self) -> Pose2 | None:
+        """What corrects the odometry frame; it jumps where `odom_from_robot` does not. None while lost."""
+        belief = self.belief_at(self._reckoning.stamp_ns)
+        return None if belief is None else belief.pose @ self._reckoning.odom_from_robot.inverse()
 
     def predict(self, step: OdometryStep) -> None:
         """Follow one odometry step; steps come in order of time."""
-        if self._rival:
-            self._rival.append(step)
-        if self._history:
-            self._history.append(step)
-        elif self._search:
-            self._search.predict(step)
+        self._reckoning.follow(step)
+        self._follow(step)
 
-    def fuse(self, outcome: Outcome) -> Verdict:
-        """Take what came of a look at the world, and tell what became of it."""
-        match outcome:
-            case Fix(belief=fix):
-                verdict = self._fuse(fix)
-            case Ambiguous():
-                verdict = Missed(Unused.AMBIGUOUS)
-            case NoFix(reason=reason):
-                verdict = Missed(reason)
-        self._misses = 0 if isinstance(verdict, ACCEPTED) else self._misses + 1
-        return verdict
+    def fuse(
+        self, outcome: Outcome, window: SearchWindow | None = None, stamp_ns: int | None = None
+    ) -> Verdict:
+        """Take what came of a look at the world, and tell what became of it.
+
+        `window`: the widest searched, None where nothing was. `stamp_ns`: of the image, needed where it shows
+        no place; that of the newest odometry if nobody says.
+        """
+        newest_ns = self._timeline.end_ns if self._timeline else 0
+        look = sighting_of(
+            outcome, newest_ns if stamp_ns is None else stamp_ns, window, self._config.evidence
+        )
+        if self._timeline is None:
+            self._timeline = self._anywhere(look.stamp_ns)
+        verdict = self._timeline.insert(look)
+        if self._now()[0].trusted:
+            self._search = None
+            return verdict
+        return self._oriented(look, verdict) if isinstance(outcome, Fix) else verdict
 
     def belief_at(self, stamp_ns: int) -> PoseBelief | None:
         """Return the belief at a stamp; None while lost, and before the history begins."""
-        return self._history.belief_at(stamp_ns) if self._history else None
+        mind = self._timeline.mind_at(stamp_ns) if self._timeline else None
+        place = mind.trusted_place if mind else None
+        return place.estimate.belief if place else None
 
-    def window_at(self, stamp_ns: int) -> SearchWindow:
-        """Return where an image of this stamp should be searched."""
-        if self._history:
-            belief = self._history.belief_at(stamp_ns) or self._history.belief
-            return search_window(belief, self._misses, self._config.window)
+    def windows_at(self, stamp_ns: int) -> tuple[SearchWindow, ...]:
+        """Return where an image of this stamp should be searched, the widest window last."""
+        mind = (self._timeline.mind_at(stamp_ns) if self._timeline else None) or self._now()[0]
+        if self._search and mind.misses < self._config.heading.misses:
+            return (self._search.window_at(stamp_ns, self._config.window.probability),)
+        return search_windows(mind, self._config.window)
+
+    def _now(self) -> tuple[Mind, int]:
+        """Return what is known at the newest stamp, and that stamp."""
+        if self._timeline is None:
+            return Mind.lost(), 0
+        newest_ns = self._timeline.newest_ns
+        mind = self._timeline.mind_at(newest_ns)
+        return (mind or Mind.lost()), newest_ns
+
+    def _follow(self, step: OdometryStep) -> None:
+        if self._timeline is None:
+            self._timeline = self._anywhere(step.start_ns)
+        self._timeline.append(step)
         if self._search:
-            return self._search.window_at(stamp_ns, self._config.window.probability)
-        return ANYWHERE
+            self._search.predict(step)
 
-    def _fuse(self, fix: PoseBelief) -> Verdict:
-        if self._history:
-            verdict: Verdict = self._history.insert(fix)
-            if isinstance(verdict, Fused):
-                self._rival = None
-            elif isinstance(verdict, Rejected) and verdict.reason is Refusal.GATE and fix.measured.all():
-                verdict = self._against_rival(fix) or verdict
-            return verdict
-        if self._search is None:
-            return Missed(Unused.POSITION_UNKNOWN)
-        self._history = self._search.gather(fix)
-        if self._history is None:
+    def _recent_steps(self) -> list[OdometryStep]:
+        timeline = getattr(self, "_timeline", None)
+        return timeline.steps if timeline else []
+
+    def _oriented(self, look: Sighting, verdict: Verdict) -> Verdict:
+        """Let a look that founds no place by itself, for want of a heading, help to find one."""
+        fix = look.places[0]
+        if self._search is None or self._search.stuck(fix.stamp_ns):
+            if fix.measured[2] or self._timeline is None:
+                return verdict
+            self._search = self._searching(fix)
+            for step in self._timeline.steps:
+                self._search.predict(step)
             return Missed(Unused.HEADING_UNKNOWN)
-        self._search = None
-        verdict = self._history.verdict_of(fix)
-        self._history.keep(self._config.history_s * 1e9)
+        found = self._search.gather(look)
+        if found is None:
+            return Missed(Unused.HEADING_UNKNOWN)
+        self._timeline, self._search = found, None
+        verdict = found.verdict_of(look)
+        found.keep(self._config.history_s * 1e9)
         return verdict
 
-    def _against_rival(self, fix: PoseBelief) -> Relocalized | None:
-        """Let a refused fix join those refused before it, or begin anew; enough of them become the belief."""
-        joined = self._rival.insert(fix) if self._rival else None
-        if not isinstance(joined, Fused):
-            self._rival, self._rivals = History(fix, self._config.gate, self._config.history_s * 1e9), 1
-            return None
-        self._rivals += 1
-        if self._rivals < self._config.rivals_needed:
-            return None
-        self._history, self._rival = self._rival, None
-        return Relocalized(joined.nis)
+    def _anywhere(self, stamp_ns: int) -> Timeline:
+        return Timeline(stamp_ns, Mind.lost(), self._parts(self._config.history_s * 1e9))
+
+    def _searching(self, start: PoseBelief) -> HeadingSearch:
+        return HeadingSearch(start, self._config.heading, self._parts(float("inf")))
+
+    def _parts(self, span_ns: float) -> TimelineConfig:
+        return TimelineConfig(self._config.gate, span_ns, self._config.hypotheses, self._config.trust)

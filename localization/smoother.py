@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 
-from localization.ekf import predict
+from localization.ekf import Estimate, predict
 from localization.history import order_of
 from localization.odometry import OdometryStep
 from maps.outcomes import PoseBelief
@@ -31,12 +31,15 @@ class SmootherConfig:
     `node_spacing_s`: between fixes; dead reckoning bridges less than that without harm.
     `huber`: residuals beyond so many standard deviations count linearly in the first pass (Huber's
     95 % efficiency). `inlier_probability`: that a good fix stays inside the second pass's truncation.
+    `slip_share`: of what a slip would add to odometry's covariance. The graph knows neither slips nor errors
+    that last, so its odometry must be wide enough for some of both.
     `least_m`, `least_rad`: standard deviation between nodes that keeps the graph well-conditioned.
     """
 
     node_spacing_s: float = 0.25
     huber: float = 1.345
     inlier_probability: float = 0.999
+    slip_share: float = 0.2
     least_m: float = 1e-3
     least_rad: float = 1e-3
 
@@ -97,16 +100,21 @@ def _spans(
         for cut_ns in sorted({*ordered[first:end], piece.stamp_ns}):
             here = predict(here, piece.part(here.stamp_ns, cut_ns))
             if cut_ns == piece.stamp_ns:
-                within.append(here)
+                within.append(_loose(here, config))
             if cut_ns in fix_stamps or cut_ns - start_ns >= spacing_ns:
-                yield _Span(start_ns, tuple(within), here)
+                yield _Span(start_ns, tuple(within), _loose(here, config))
                 start_ns, here, within = cut_ns, _origin(cut_ns), []
     if within:
-        yield _Span(start_ns, tuple(within), here)
+        yield _Span(start_ns, tuple(within), _loose(here, config))
 
 
-def _origin(stamp_ns: int) -> PoseBelief:
-    return PoseBelief(stamp_ns, Pose2(0.0, 0.0, 0.0), np.zeros((3, 3)))
+def _loose(estimate: Estimate, config: SmootherConfig) -> PoseBelief:
+    covariance = estimate.covariance + config.slip_share * estimate.slip
+    return PoseBelief(estimate.stamp_ns, estimate.pose, covariance)
+
+
+def _origin(stamp_ns: int) -> Estimate:
+    return Estimate.of(PoseBelief(stamp_ns, Pose2(0.0, 0.0, 0.0), np.zeros((3, 3))))
 
 
 def _start_values(spans: Sequence[_Span], guess: Sequence[PoseBelief]) -> gtsam.Values:

@@ -17,11 +17,14 @@ class Refusal(StrEnum):
 
 
 class Unused(StrEnum):
-    """Why a look that found something could not be fused."""
+    """Why a look that found something could not be fused.
+
+    UNCONFIRMED: while lost; the place counts once other looks confirm it.
+    """
 
     AMBIGUOUS = "AMBIGUOUS"
     HEADING_UNKNOWN = "HEADING_UNKNOWN"
-    POSITION_UNKNOWN = "POSITION_UNKNOWN"
+    UNCONFIRMED = "UNCONFIRMED"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +36,7 @@ class Fused:
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """The fix was refused; `nis` where it was compared with the belief."""
+    """The fix was refused; `nis`, its squared distance, where it was compared with the belief."""
 
     reason: Refusal
     nis: float | None = None
@@ -48,7 +51,10 @@ class Missed:
 
 @dataclass(frozen=True, slots=True)
 class Relocalized:
-    """Refused fixes that agree with each other and with odometry won; `nis`: of this one among them."""
+    """Looks that agree with each other and with odometry won over what was believed, or over nothing.
+
+    `nis`: of this one among them.
+    """
 
     nis: float
 

@@ -1,24 +1,16 @@
-"""Where the next image should be searched, and how well the robot knows its place."""
+"""Where the next image should be searched."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
 from localization.ekf import quantile
+from localization.trust import Mind
 from maps.outcomes import PoseBelief, SearchWindow
-from maps.poses import Array, Pose2
-
-
-class State(StrEnum):
-    """How well the robot knows where it is."""
-
-    TRACKING = "TRACKING"
-    UNCERTAIN = "UNCERTAIN"
-    LOST = "LOST"
+from maps.poses import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +21,9 @@ class WindowConfig:
     `floor_m`, `floor_rad`: least half-widths; below them a search is not faster, and what the filter
     believes is not that exact. `growth`: by this factor after each frame without a fix, since then
     the belief itself is in doubt, up to `largest_growth`.
+    `doubt`: where the leading place is wrong with more probability than this, search everywhere too; two
+    images that do not show what they should make it so. `least`: places of less probability are not
+    searched for, nor more than `most`.
     """
 
     probability: float = 0.999
@@ -36,21 +31,9 @@ class WindowConfig:
     floor_rad: float = math.radians(3.0)
     growth: float = 1.4
     largest_growth: float = 5.0
-
-
-@dataclass(frozen=True, slots=True)
-class StateConfig:
-    """When tracking becomes doubtful.
-
-    `limit_m`, `limit_rad`: radii of position and heading that hold the truth with `probability`; a
-    passage's half width, and what turns a robot out of it. `limit_s`: without a fused fix; a belief
-    that no fix confirms is only dead reckoning, however small its covariance.
-    """
-
-    probability: float = 0.999
-    limit_m: float = 0.5
-    limit_rad: float = math.radians(10.0)
-    limit_s: float = 10.0
+    doubt: float = 0.1
+    least: float = 0.02
+    most: int = 3
 
 
 def position_radius(covariance: Array, probability: float) -> float:
@@ -64,8 +47,29 @@ def heading_radius(variance: float, probability: float) -> float:
     return math.sqrt(quantile(probability, 1) * variance)
 
 
-def search_window(belief: PoseBelief, misses: int, config: WindowConfig) -> SearchWindow:
-    """Return the window about a belief after so many frames without a fix."""
+def search_windows(mind: Mind, config: WindowConfig) -> tuple[SearchWindow, ...]:
+    """Return where a robot may be by what it knows: about each place that counts, and everywhere if in doubt.
+
+    The widest comes last. About a place that is expected a look finds more than everywhere.
+    """
+    best, leading = mind.hypotheses.places, mind.leading
+    if leading is None:
+        return (SearchWindow.everywhere(),)
+    others = [place for place in best if place is not leading and place.weight >= config.least]
+    growths = [(leading, mind.misses if mind.trusted else 0), *((place, 0) for place in others)]
+    windows = [
+        window_about(place.estimate.belief, misses, config) for place, misses in growths[: config.most]
+    ]
+    # Wheels seldom slip: only a place that is not where it should be is looked for where a slip may have led.
+    if growths[0][1]:
+        windows.append(window_about(leading.estimate.wide, growths[0][1], config))
+    if not mind.trusted or leading.weight < 1.0 - config.doubt:
+        windows.append(SearchWindow.everywhere())
+    return tuple(sorted(dict.fromkeys(windows), key=lambda window: (window.dt_m, window.dphi_rad)))
+
+
+def window_about(belief: PoseBelief, misses: int, config: WindowConfig) -> SearchWindow:
+    """Return the window about a belief after so many looks without a fix."""
     growth = min(config.growth**misses, config.largest_growth)
     dt_m = position_radius(belief.covariance[:2, :2], config.probability)
     dphi_rad = heading_radius(belief.covariance[2, 2], config.probability)
@@ -74,17 +78,3 @@ def search_window(belief: PoseBelief, misses: int, config: WindowConfig) -> Sear
         growth * max(dt_m, config.floor_m),
         min(growth * max(dphi_rad, config.floor_rad), math.pi),
     )
-
-
-#: Being lost is only a large window: anywhere, in any direction.
-ANYWHERE = SearchWindow(Pose2(0.0, 0.0, 0.0), math.inf, math.pi)
-
-
-def state_of(belief: PoseBelief, fused_ns: int, config: StateConfig) -> State:
-    """Tell whether a belief, last confirmed by a fix at `fused_ns`, can be trusted."""
-    known = (
-        position_radius(belief.covariance[:2, :2], config.probability) <= config.limit_m
-        and heading_radius(belief.covariance[2, 2], config.probability) <= config.limit_rad
-    )
-    confirmed = (belief.stamp_ns - fused_ns) * 1e-9 <= config.limit_s
-    return State.TRACKING if known and confirmed else State.UNCERTAIN

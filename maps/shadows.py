@@ -27,7 +27,7 @@ def shadows_of(edges: Array, eye: Array, margin_m: float, heights: Array, below:
         bx, by = edges[s, 1, 0] - eye[0], edges[s, 1, 1] - eye[1]
         if (bx - ax) * -ay - (by - ay) * -ax < 0.0:
             ax, ay, bx, by = bx, by, ax, ay
-        # Relative to the eye, for a wall seen with a on the left-hand end: inside the wedge, behind the wall.
+        # Relative to the eye, for a wall seen with a on the right-hand end: inside the wedge, behind the wall.
         length = max(math.hypot(bx - ax, by - ay), 1e-12)
         along_x, along_y = (bx - ax) / length, (by - ay) / length
         normals[s, 0, 0], normals[s, 0, 1] = -ay, ax

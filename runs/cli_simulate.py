@@ -22,9 +22,7 @@ class Calibration(StrEnum):
 
 
 def simulate(
-    map_: Annotated[
-        Path | None, typer.Argument(metavar="MAP", help="Map; the sample's without one.")
-    ] = None,
+    map_: Annotated[Path | None, typer.Argument(metavar="MAP", help="Map; the sample's without one.")] = None,
     *,
     out: Annotated[Path, typer.Option(metavar="SESSION", help="Session folder to write.")],
     robot: Annotated[

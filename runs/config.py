@@ -6,9 +6,10 @@ from dataclasses import asdict, dataclass, field
 from enum import Enum
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import yaml
+from annotated_types import Gt
 from pydantic import ConfigDict
 
 from localization.localizer import LocalizerConfig
@@ -25,12 +26,16 @@ PROVENANCE = ("run", "versions")
 
 @dataclass(frozen=True, slots=True)
 class RunConfig:
-    """The parameters of every stage of a run; see their own classes for units and reasons."""
+    """The parameters of every stage of a run; see their own classes for units and reasons.
+
+    `match_rate_hz`: frames matched in a second of capture time, at most; None matches every frame.
+    """
 
     odometry: OdometryNoise = field(default_factory=OdometryNoise)
     localizer: LocalizerConfig = field(default_factory=LocalizerConfig)
     matcher: MatcherConfig = field(default_factory=MatcherConfig)
     smoother: SmootherConfig = field(default_factory=SmootherConfig)
+    match_rate_hz: Annotated[float, Gt(0.0)] | None = None
     #: Of whatever draws random numbers; the same seed gives the same run.
     seed: int = 0
 

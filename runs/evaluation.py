@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from localization.window import State
+from localization.states import State
 from maps.outcomes import Fix
 from runs.runlog import StepRecord, Trajectory
 from runs.runner import RunResult, StateSpan
@@ -55,7 +55,7 @@ def evaluate(session: Session, result: RunResult, truth: Trajectory | None) -> d
     return {
         "session": session.name,
         "frames": len(session.frames),
-        "dropped_frames": 0,
+        "dropped_frames": result.dropped,
         "vision": _vision(session, result, truth),
         "odometry": _spreads(errors_of(tracks.odometry, truth)),
         "filtered": _judged(filtered),

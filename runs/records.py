@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from localization.states import State
 from localization.verdicts import ACCEPTED, Fused, Missed, Rejected, Relocalized, Verdict
-from localization.window import State
 from maps.outcomes import Ambiguous, Fix, Look, NoFix, Outcome, PoseBelief, SearchWindow
 from runs.runlog import StepRecord
 from runs.session import Frame, RecordedFix

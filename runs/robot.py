@@ -63,6 +63,11 @@ class _Wheels(BaseModel):
     baseline_m: Positive
     left_radius_m: Positive | None = None
     right_radius_m: Positive | None = None
+    #: Of either radius where it has none of its own.
+    std_radius_m: Deviation | None = None
+    std_left_radius_m: Deviation | None = None
+    std_right_radius_m: Deviation | None = None
+    std_baseline_m: Deviation | None = None
 
 
 class _Mount(BaseModel):
@@ -86,6 +91,10 @@ class _Camera(BaseModel):
     fy: Positive
     cx: Finite
     cy: Finite
+    std_fx: Deviation | None = None
+    std_fy: Deviation | None = None
+    std_cx: Deviation | None = None
+    std_cy: Deviation | None = None
     distortion_k1_k2_p1_p2_k3: list[Finite] | None = None
     distortion_k1_k2_k3_k4: list[Finite] | None = None
     mount: _Mount
@@ -146,13 +155,26 @@ def _wheels(document: _Wheels) -> WheelGeometry:
         document.left_radius_m or document.radius_m,
         document.right_radius_m or document.radius_m,
         document.baseline_m,
+        _first(document.std_left_radius_m, document.std_radius_m),
+        _first(document.std_right_radius_m, document.std_radius_m),
+        document.std_baseline_m,
     )
+
+
+def _first(own: float | None, common: float | None) -> float | None:
+    return common if own is None else own
 
 
 def _camera(document: _Camera) -> Camera:
     values: dict[str, Any] = document.model_dump(include={"model", "width", "height", "fx", "fy", "cx", "cy"})
     mount = CameraMount(**document.mount.model_dump())
-    return Camera(**values, distortion=np.array(document.distortion), mount=mount)
+    return Camera(
+        **values,
+        distortion=np.array(document.distortion),
+        mount=mount,
+        std_focal=max((document.std_fx or 0.0) / document.fx, (document.std_fy or 0.0) / document.fy),
+        std_centre_px=max(document.std_cx or 0.0, document.std_cy or 0.0),
+    )
 
 
 def _start(document: _Start) -> Start:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
 from time import perf_counter
@@ -10,11 +10,13 @@ from time import perf_counter
 from localization.localizer import Localizer
 from localization.odometry import OdometryStep, advance
 from localization.smoother import SmootherConfig, smooth
-from localization.window import State
+from localization.states import State
 from maps.errors import InputError
 from maps.outcomes import Fix, Outcome, PoseBelief, SearchWindow
 from maps.regioncache import cached_regions
 from runs.config import RunConfig
+from runs.looking import look_in
+from runs.pace import Pace
 from runs.records import Passage
 from runs.runlog import RunLog, StepRecord, Trajectories, Trajectory
 from runs.session import Frame, RecordedFix, Session
@@ -39,7 +41,8 @@ class StateSpan:
 class RunResult:
     """What a run found out: `records` and `outcomes` go together, one each a frame or recorded fix.
 
-    `spans` and `predict_ms` have one element an odometry step.
+    `spans` and `predict_ms` have one element an odometry step. `dropped`: frames that were not matched, to
+    keep to the rate.
     """
 
     trajectories: Trajectories
@@ -47,6 +50,7 @@ class RunResult:
     outcomes: tuple[Outcome, ...]
     spans: tuple[StateSpan, ...]
     predict_ms: tuple[float, ...]
+    dropped: int = 0
 
     @property
     def usable(self) -> bool:
@@ -57,11 +61,11 @@ class RunResult:
 def run_session(session: Session, config: RunConfig, log: RunLog, progress: Progress) -> RunResult:
     """Run a session through matcher and localizer, and smooth it at the end.
 
-    InputError where nobody says where the robot starts, or where an image cannot be read.
+    InputError where an image cannot be read.
     """
-    initial = starting_belief(session)
-    localizer = Localizer(initial, config.localizer)
+    localizer = Localizer(session.initial, config.localizer)
     eye = _Eye.of(session, config.matcher)
+    pace = Pace(config.match_rate_hz)
     diary = _Diary(log)
     total = len(session.frames) + len(session.fixes)
     log.begin(session, config)
@@ -69,27 +73,17 @@ def run_session(session: Session, config: RunConfig, log: RunLog, progress: Prog
         match event:
             case OdometryStep():
                 diary.move(localizer, event)
-            case Frame() if eye is not None:
-                window = localizer.window_at(event.stamp_ns)
-                outcome, look_ms = eye.look(event, window)
-                diary.fuse(localizer, event, outcome, window, look_ms)
-                progress(len(diary.records), total)
+            case Frame() if eye is not None and pace.due(event.stamp_ns):
+                windows = localizer.windows_at(event.stamp_ns)
+                outcome, look_ms = eye.look(event, windows)
+                diary.fuse(localizer, event, outcome, windows[-1], look_ms)
+                progress(len(diary.records) + pace.dropped, total)
             case RecordedFix():
                 diary.fuse(localizer, event, event.fix)
-                progress(len(diary.records), total)
-    result = diary.result(initial, config.smoother)
+                progress(len(diary.records) + pace.dropped, total)
+    result = diary.result(session.initial, config.smoother, pace.dropped)
     log.finish(result.trajectories)
     return result
-
-
-def starting_belief(session: Session) -> PoseBelief:
-    """Return the initial belief; InputError where only a global search could find it."""
-    missing = "not known, and there is no global search yet: name it with --initial-pose X,Y,PHI"
-    if session.initial is None:
-        raise InputError(session.robot.path, "initial_pose", missing)
-    if session.frames and not session.initial.measured.all():
-        raise InputError(session.robot.path, "initial_pose.phi_rad", missing)
-    return session.initial
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,15 +102,14 @@ class _Eye:
         regions = cached_regions(session.wire_map, (height, height))
         return cls(session.camera, LineMatcher(session.camera, session.wire_map, config, regions))
 
-    def look(self, frame: Frame, window: SearchWindow) -> tuple[Outcome, Mapping[str, float]]:
-        """Match a frame against the map inside the window; the milliseconds it took, by stage."""
+    def look(self, frame: Frame, windows: Sequence[SearchWindow]) -> tuple[Outcome, Mapping[str, float]]:
+        """Match a frame against the map inside the windows; the milliseconds it took, by stage."""
         image = read_image(frame.path)
         camera = self.camera
         if image.shape != (camera.height, camera.width):
             size = f"{image.shape[1]} x {image.shape[0]} px, by robot.yaml {camera.width} x {camera.height}"
             raise InputError(frame.path, "", size)
-        outcome = self.matcher.match(image, frame.stamp_ns, window)
-        return outcome, dict(self.matcher.timing_ms)
+        return look_in(self.matcher, image, frame.stamp_ns, windows)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +147,7 @@ class _Diary:
         """Let the localizer fuse an outcome, and write down what became of it."""
         prior = localizer.belief_at(event.stamp_ns)
         began = perf_counter()
-        verdict = localizer.fuse(outcome)
+        verdict = localizer.fuse(outcome, window, event.stamp_ns)
         update_ms = _ms_since(began)
         posterior = localizer.belief_at(event.stamp_ns)
         passage = Passage(
@@ -164,7 +157,7 @@ class _Diary:
         self.outcomes.append(outcome)
         self.log.step(self.records[-1], event if isinstance(event, Frame) else None, outcome, window)
 
-    def result(self, initial: PoseBelief, config: SmootherConfig) -> RunResult:
+    def result(self, initial: PoseBelief | None, config: SmootherConfig, dropped: int) -> RunResult:
         """Smooth, and gather everything."""
         return RunResult(
             self._trajectories(initial, config),
@@ -172,12 +165,14 @@ class _Diary:
             tuple(self.outcomes),
             tuple(self.spans),
             tuple(self.predict_ms),
+            dropped,
         )
 
-    def _trajectories(self, initial: PoseBelief, config: SmootherConfig) -> Trajectories:
+    def _trajectories(self, initial: PoseBelief | None, config: SmootherConfig) -> Trajectories:
         """Dead reckoning and smoothing begin at the initial pose, or at the first trusted one."""
         fixes = sorted((o.belief for o in self.outcomes if isinstance(o, Fix)), key=lambda fix: fix.stamp_ns)
-        start = initial if initial.measured.all() else next(iter(self.published), None)
+        known = initial is not None and initial.measured.all()
+        start = initial if known else next(iter(self.published), None)
         nothing = Trajectory.of_beliefs([])
         if start is None:
             return Trajectories(nothing, Trajectory.of_beliefs(fixes), nothing, nothing)

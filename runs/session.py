@@ -13,7 +13,14 @@ from pathlib import Path, PurePath
 
 import numpy as np
 
-from localization.odometry import OdometryNoise, OdometryStep, WheelGeometry, twist_step, wheel_step
+from localization.odometry import (
+    OdometryNoise,
+    OdometryStep,
+    WheelGeometry,
+    standing_step,
+    twist_step,
+    wheel_step,
+)
 from maps.errors import InputError
 from maps.mapfile import read_map
 from maps.outcomes import Fix, PoseBelief
@@ -121,7 +128,7 @@ class Session:
     def _steps(self, noise: OdometryNoise) -> Iterator[tuple[int, Event]]:
         first_ns = int(self.odometry.stamps_ns[0])
         if self.start_ns < first_ns:
-            still = twist_step(self.start_ns, first_ns, 0.0, 0.0, noise)
+            still = standing_step(self.start_ns, first_ns, noise)
             yield int(self.odometry.arrivals_ns[0]), still
         yield from self.odometry.steps(noise)
 

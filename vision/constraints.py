@@ -135,9 +135,11 @@ def _within_reach(
     shift = camera.focal_px * (turn + window.dt_m / (depth - window.dt_m)) + 10.0
     start, end = predicted.ideal_px[:, 0], predicted.ideal_px[:, 1]
     along = (end - start) / predicted.lengths_px[:, None]
-    offset = segments.ideal_px.mean(axis=1)[None] - start[:, None]
-    position = (offset * along[:, None]).sum(axis=2)
-    across = np.abs(offset[..., 0] * along[:, None, 1] - offset[..., 1] * along[:, None, 0])
+    # Coordinates along and across each piece, as products of small matrices: no (P, M, 2) in between.
+    across_way = along[:, ::-1] * [-1.0, 1.0]
+    middles = segments.ideal_px.mean(axis=1).T
+    position = along @ middles - (along * start).sum(axis=1)[:, None]
+    across = np.abs(across_way @ middles - (across_way * start).sum(axis=1)[:, None])
     beyond = np.maximum(np.maximum(-position, position - predicted.lengths_px[:, None]), 0.0)
     direction = segments.ideal_px[:, 1] - segments.ideal_px[:, 0]
     direction = direction / segments.lengths_px[:, None]
@@ -225,7 +227,8 @@ def _line_meets_disc(
 
 def _distinct(found: Correspondences) -> Correspondences:
     """Drop repeats of a pair, which occur where a segment is seen in several pieces."""
-    _, first = np.unique(np.column_stack([found.rows, found.lines]), axis=0, return_index=True)
+    lines = int(found.lines.max(initial=0)) + 1
+    _, first = np.unique(found.rows * lines + found.lines, return_index=True)
     return Correspondences(
         found.rows[first],
         found.lines[first],

@@ -16,6 +16,10 @@ from maps.poses import Array
 STATES = 10
 #: Below this the cost has settled.
 _SETTLED = 1e-4
+#: A direction that nothing constrains must show as a long axis, not as a crash.
+_LEAST_INFORMATION = 1e-4
+#: Median absolute deviation of a normal distribution.
+_NORMAL_MAD = 0.6745
 
 
 @njit(cache=True, nogil=True)
@@ -99,10 +103,10 @@ def maximise(
     sigma_slope: Array,
     student: float,
     max_iterations: int,
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, float]:
     """Levenberg-Marquardt from a state; `prior`: (7,) inverse variances of the camera's deviations.
 
-    Returns the state (10,), the information (10, 10) there, and each line's middle (K,) over its deviation.
+    Returns the state (10,), its covariance (10, 10), and the spread of the lines' middles over their deviations.
     """
     count = len(rays)
     distances, jacobian = np.empty((count, 2)), np.empty((count, 2, STATES))
@@ -141,7 +145,20 @@ def maximise(
         else:
             damping *= 10.0
     linearise(state, mount, moments, directions, rays, distances, jacobian)
-    return state, information, 0.5 * (distances[:, 0] + distances[:, 1]) / sigma_middle
+    spread = 1.0
+    if count:
+        spread = np.median(np.abs(0.5 * (distances[:, 0] + distances[:, 1]) / sigma_middle)) / _NORMAL_MAD
+    return state, covariance_of(information), spread
+
+
+@njit(cache=True, nogil=True)
+def covariance_of(information: Array) -> Array:
+    """The inverse of an information (10, 10); what nothing constrains has a variance of 1e4 instead of none."""
+    bounded = information.copy()
+    for i in range(3):
+        bounded[i, i] += _LEAST_INFORMATION
+    covariance = np.linalg.inv(bounded)
+    return 0.5 * (covariance + covariance.T)
 
 
 @njit(cache=True, nogil=True)

@@ -50,6 +50,10 @@ class MatcherConfig:
     floor: GlobalConfig = field(default_factory=GlobalConfig)
     #: Hypotheses that are refined, and how far apart they must be to count as different.
     refined: int = 10
+    #: While tracking, in a window this small, few of them suffice: all lie near the truth.
+    near_m: float = 0.2
+    near_rad: float = math.radians(4.0)
+    refined_near: int = 4
     apart_m: float = 0.05
     apart_rad: float = 0.01
 
@@ -110,8 +114,7 @@ class LineMatcher:
         if look.selected < self.config.decision.min_matched:
             return NoFix(Reason.NOTHING_VISIBLE, look)
         look = replace(look, hypotheses=len(hypotheses))
-        number = self.config.floor.refined if wide else self.config.refined
-        starts = self._best_that_differ(hypotheses, scores, number)
+        starts = self._best_that_differ(hypotheses, scores, self._refined(window))
         lines = measured_lines(segments, self.camera.focal_px, self.config.refinement.edge_model_px)
         refined = refine_poses(Scene(self.projector, rows, lines), starts, stamp_ns, self.config.refinement)
         candidates = [candidate for candidate in refined if _may_lie_in(window, candidate.belief)]
@@ -134,7 +137,9 @@ class LineMatcher:
             selected=len(np.unique(np.concatenate([seen.rows for _, seen in slices]))),
         )
         hypotheses = self._hypotheses(segments, window, slices)
-        viewpoints = viewpoints_in(self.projector, window, rows)
+        # What the centre sees stands for a small window.
+        seen = rows if window.dt_m > self.config.near_m else np.unique(predicted.rows)
+        viewpoints = viewpoints_in(self.projector, window, seen)
         spread_out = line_field(segments, self.projector, self.config.coarse.kernel_px)
         nearest = viewpoints.nearest(hypotheses)
         scores = field_scores(spread_out, self.projector, viewpoints, hypotheses, nearest, self.config.coarse)
@@ -152,6 +157,13 @@ class LineMatcher:
         )
         inside = np.array([window.holds(Pose2.from_array(pose)) for pose in poses], bool)
         return rows, replace(look, selected=len(rows)), poses[inside], scores[inside]
+
+    def _refined(self, window: SearchWindow) -> int:
+        """How many hypotheses are worth refining."""
+        if window.dt_m > self.config.wide_m:
+            return self.config.floor.refined
+        near = window.dt_m <= self.config.near_m and window.dphi_rad <= self.config.near_rad
+        return min(self.config.refined_near, self.config.refined) if near else self.config.refined
 
     def _different_poses(self, window: SearchWindow) -> float:
         """How many poses of a window an image can tell apart, at least one."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from maps.poses import Array, Pose2
 from vision.camera import Camera
-from vision.linecost import STATES, linearise, maximise
+from vision.linecost import STATES, covariance_of, linearise, maximise
 
 #: Degrees of freedom of the residuals' Student distribution where nobody says: its weights fall off with the
 #: square of the distance, so a neighbouring edge taken for the right one hardly pulls. Gaussian noise has many.
@@ -94,7 +94,7 @@ def estimate_pose(
     state[:3] = start.as_array()
     if deviations is not None:
         state[3:] = deviations
-    state, information, middles = maximise(
+    state, covariance, spread = maximise(
         state,
         _mount(camera),
         nuisance_information(camera),
@@ -106,8 +106,7 @@ def estimate_pose(
         student,
         max_iterations,
     )
-    spread = float(np.median(np.abs(middles)) / 0.6745) if len(middles) else 1.0
-    return PoseEstimate(Pose2.from_array(state[:3]), state, _covariance(information), spread)
+    return PoseEstimate(Pose2.from_array(state[:3]), state, covariance, float(spread))
 
 
 def predicted_sigma_px(estimate: PoseEstimate, camera: Camera, lines: LineObservations) -> Array:
@@ -150,7 +149,7 @@ def pose_bound(pose: Pose2, camera: Camera, seen: LineObservations) -> Array:
     information = (
         middle.T @ middle + slope.T @ slope + np.diag(np.r_[0.0, 0.0, 0.0, nuisance_information(camera)])
     )
-    return _covariance(information)[:3, :3]
+    return covariance_of(information)[:3, :3]
 
 
 def nuisance_information(camera: Camera) -> Array:
@@ -168,15 +167,6 @@ def student_log_density(distance: Array, sigma: Array, student: float = STUDENT)
     peak -= 0.5 * math.log(math.pi * student)
     tail: Array = peak - np.log(sigma) - 0.5 * (student + 1.0) * np.log1p((distance / sigma) ** 2 / student)
     return tail
-
-
-def _covariance(information: Array) -> Array:
-    # A direction that nothing constrains must show as a long axis, not as a crash.
-    floor = np.zeros(STATES)
-    floor[:3] = 1e-4
-    covariance = np.linalg.inv(information + np.diag(floor))
-    result: Array = 0.5 * (covariance + covariance.T)
-    return result
 
 
 def _mount(camera: Camera) -> Array:

@@ -6,8 +6,8 @@ import pytest
 
 from localization.localizer import Localizer
 from localization.odometry import OdometryStep, advance
-from localization.verdicts import Fused, Missed, Rejected, Unused
 from localization.states import State
+from localization.verdicts import Fused, Missed, Rejected, Unused
 from maps.outcomes import Fix, PoseBelief
 from maps.poses import Pose2
 
@@ -77,7 +77,7 @@ def test_one_fix_far_away_does_not_decide():
     localizer = Localizer(UNKNOWN)
     localizer.predict(OdometryStep(0, SECOND_NS, 1.0, 0.0, np.diag([1e-4, 1e-4])))
     assert localizer.fuse(position(SECOND_NS, 1.0, 3.0)) == Missed(Unused.HEADING_UNKNOWN)
-    window = localizer.window_at(SECOND_NS)
+    (window,) = localizer.windows_at(SECOND_NS)
     assert 1.0 < window.dt_m < 1.5
     assert window.dphi_rad == math.pi
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from localization.ekf import predict, update
+from localization.ekf import Estimate, predict, update
 from localization.history import History
 from localization.odometry import OdometryStep
 from localization.verdicts import Fused, Refusal, Rejected
@@ -15,13 +15,16 @@ from maps.poses import Pose2
 GATE = 0.999
 SPAN_NS = 1e9
 STEP_NS = 100_000_000
+SYSTEMATIC = np.array([[5e-3, 0.0, 0.0, 0.0], [0.0, 1e-2, 2e-3, 0.0], [0.0, 0.0, 0.0, 1e-3]])
 ANCHOR = PoseBelief(0, Pose2(0.0, 0.0, 3.0), np.diag([0.04, 0.04, 0.04]))
+START = Estimate.of(ANCHOR)
 
 
 def step_to(end: int) -> OdometryStep:
     turn = 0.1 * math.cos(end)
     return OdometryStep(
-        (end - 1) * STEP_NS, end * STEP_NS, 0.1, turn, np.array([[1e-4, 1e-5], [1e-5, 4e-4]]), 1e-5
+        *((end - 1) * STEP_NS, end * STEP_NS, 0.1, turn),
+        *(np.array([[1e-4, 1e-5], [1e-5, 4e-4]]), 1e-5, SYSTEMATIC, 0.01, 10.0),
     )
 
 
@@ -29,7 +32,7 @@ def fix_of(stamp_ns: int, x: float = 0.0, y: float = 0.0) -> PoseBelief:
     return PoseBelief(stamp_ns, Pose2(x, y, 3.0), np.diag([0.01, 0.02, math.inf]))
 
 
-def same(a: PoseBelief | None, b: PoseBelief | None) -> bool:
+def same(a: PoseBelief | Estimate | None, b: PoseBelief | Estimate | None) -> bool:
     return (
         a is not None
         and b is not None
@@ -74,14 +77,14 @@ def test_a_fix_is_fused_at_its_own_stamp():
         history.append(step_to(end))
     fix = fix_of(150_000_000, 0.05, 0.1)
     assert isinstance(history.insert(fix), Fused)
-    before = predict(predict(ANCHOR, step_to(1)), step_to(2).part(STEP_NS, 150_000_000))
+    before = predict(predict(START, step_to(1)), step_to(2).part(STEP_NS, 150_000_000))
     after = predict(update(before, fix), step_to(2).part(150_000_000, 2 * STEP_NS))
     assert same(history.belief, after)
     assert history.fused_ns == 150_000_000
 
 
 def test_no_fix_means_dead_reckoning():
-    history, expected = History(ANCHOR, GATE, SPAN_NS), ANCHOR
+    history, expected = History(ANCHOR, GATE, SPAN_NS), START
     for end in range(1, 30):
         history.append(step_to(end))
         expected = predict(expected, step_to(end))
@@ -134,8 +137,8 @@ def test_belief_between_beyond_and_before():
     history = History(ANCHOR, GATE, SPAN_NS)
     for end in (1, 2):
         history.append(step_to(end))
-    assert same(history.belief_at(STEP_NS), predict(ANCHOR, step_to(1)))
-    assert same(history.belief_at(50_000_000), predict(ANCHOR, step_to(1).part(0, 50_000_000)))
+    assert same(history.belief_at(STEP_NS), predict(START, step_to(1)))
+    assert same(history.belief_at(50_000_000), predict(START, step_to(1).part(0, 50_000_000)))
     ahead = history.belief_at(250_000_000)
     assert ahead is not None
     assert ahead.stamp_ns == 250_000_000
@@ -147,7 +150,7 @@ def test_repeated_and_missing_odometry():
     history = History(ANCHOR, GATE, SPAN_NS)
     for end in (1, 1, 2, 1):
         history.append(step_to(end))
-    twice = predict(predict(ANCHOR, step_to(1)), step_to(2))
+    twice = predict(predict(START, step_to(1)), step_to(2))
     assert same(history.belief, twice)
     history.append(step_to(5))
     assert history.belief.stamp_ns == 5 * STEP_NS

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from localization.localizer import Localizer, LocalizerConfig
-from localization.odometry import OdometryStep
+from localization.odometry import OdometryStep, advance
+from localization.states import Doubt, State
 from localization.verdicts import Fused, Missed, Refusal, Rejected, Relocalized, Unused
-from localization.states import State
-from maps.outcomes import Ambiguous, Fix, NoFix, PoseBelief, Reason
+from maps.outcomes import Ambiguous, Fix, Look, NoFix, PoseBelief, Reason, SearchWindow
 from maps.poses import Pose2
 
 SECOND_NS = 1_000_000_000
@@ -28,21 +28,25 @@ def seen(stamp_s: float, x: float = 1.0, y: float = 2.0, phi: float = 0.5) -> Fi
 def test_verdicts_and_window_growth():
     localizer = Localizer(KNOWN)
     localizer.predict(still(0, 1))
-    first = localizer.window_at(SECOND_NS)
+    (first,) = localizer.windows_at(SECOND_NS)
     factor = LocalizerConfig().window.growth
+    elsewhere = Ambiguous((seen(1.0, x=8.0).belief, seen(1.0, y=-5.0).belief), (0.5, 0.5))
     looks = [
         (NoFix(Reason.WEAK_EVIDENCE), Missed(Reason.WEAK_EVIDENCE)),
-        (Ambiguous((KNOWN, KNOWN), (0.5, 0.5)), Missed(Unused.AMBIGUOUS)),
+        (elsewhere, Missed(Unused.AMBIGUOUS)),
     ]
     for misses, (outcome, verdict) in enumerate(looks, start=1):
         assert localizer.fuse(outcome) == verdict
-        assert localizer.window_at(SECOND_NS).dt_m == pytest.approx(first.dt_m * factor**misses)
-    rejected = localizer.fuse(seen(1.0, x=3.0))
+        assert localizer.windows_at(SECOND_NS)[0].dt_m == pytest.approx(first.dt_m * factor**misses)
+    localizer.predict(still(1, 2))
+    rejected = localizer.fuse(seen(2.0, x=3.0))
     assert isinstance(rejected, Rejected)
     assert rejected.reason is Refusal.GATE
-    assert localizer.window_at(SECOND_NS).dt_m == pytest.approx(first.dt_m * factor**3)
-    assert isinstance(localizer.fuse(seen(1.0)), Fused)
-    assert localizer.window_at(SECOND_NS).dt_m <= first.dt_m
+    assert rejected.nis == pytest.approx(2.0**2 / 0.005, rel=0.01)
+    assert isinstance(localizer.fuse(seen(1.5)), Fused)
+    localizer.predict(still(2, 3))
+    assert isinstance(localizer.fuse(seen(3.0)), Fused)
+    assert localizer.windows_at(3 * SECOND_NS)[0].dt_m <= first.dt_m
 
 
 def test_window_of_a_forgotten_stamp_is_about_the_newest_belief():
@@ -50,7 +54,7 @@ def test_window_of_a_forgotten_stamp_is_about_the_newest_belief():
     for start_s in range(10):
         localizer.predict(still(start_s, start_s + 1))
     assert localizer.belief_at(SECOND_NS) is None
-    assert localizer.window_at(SECOND_NS) == localizer.window_at(10 * SECOND_NS)
+    assert localizer.windows_at(SECOND_NS) == localizer.windows_at(10 * SECOND_NS)
 
 
 def test_tracking_becomes_uncertain_without_fixes_and_comes_back():
@@ -64,22 +68,164 @@ def test_tracking_becomes_uncertain_without_fixes_and_comes_back():
     assert localizer.state is State.TRACKING
 
 
-def test_lost_without_a_position():
-    localizer = Localizer(NOWHERE)
+def turning(start_s: int) -> OdometryStep:
+    return OdometryStep(start_s * SECOND_NS, (start_s + 1) * SECOND_NS, 0.3, 0.2, np.diag([1e-4, 1e-4]))
+
+
+@pytest.mark.parametrize("initial", [None, NOWHERE])
+def test_a_lost_robot_trusts_a_place_that_a_second_look_confirms(initial):
+    localizer = Localizer(initial)
     localizer.predict(still(0, 1))
-    assert localizer.fuse(seen(1.0)) == Missed(Unused.POSITION_UNKNOWN)
+    assert localizer.state is State.LOST
+    assert localizer.windows_at(SECOND_NS) == (SearchWindow.everywhere(),)
+    assert localizer.fuse(seen(1.0)) == Missed(Unused.UNCONFIRMED)
+    assert (localizer.belief, localizer.belief_at(SECOND_NS), localizer.map_from_odom) == (None, None, None)
+    localizer.predict(turning(1))
+    end = advance(KNOWN.pose, turning(1))
+    assert isinstance(localizer.fuse(seen(2.0, end.x, end.y, end.phi)), Relocalized)
+    assert localizer.state is State.TRACKING
+    assert localizer.belief.pose.minus(end) == pytest.approx(np.zeros(3), abs=1e-6)
+
+
+def test_a_lost_robot_does_not_trust_looks_that_disagree_with_odometry():
+    localizer = Localizer()
+    for second in range(5):
+        # Its looks say that it stands, its wheels that it turns.
+        localizer.predict(turning(second))
+        assert localizer.fuse(seen(second + 1.0)) == Missed(Unused.UNCONFIRMED)
+    assert localizer.state is State.LOST
+
+
+def test_one_look_taken_twice_confirms_nothing():
+    localizer = Localizer()
+    localizer.predict(still(0, 1))
+    for stamp_s in (1.0, 1.001, 1.002):
+        localizer.fuse(seen(stamp_s))
+    assert localizer.state is State.LOST
+
+
+def test_several_places_are_kept_until_a_look_tells_them_apart():
+    """Two rooms alike: five looks that fit both, then one that fits the second."""
+    localizer, here, there = Localizer(), KNOWN.pose, Pose2(6.0, 2.0, 0.5)
+    for second in range(5):
+        localizer.predict(turning(second))
+        here, there = advance(here, turning(second)), advance(there, turning(second))
+        places = (seen(second + 1.0, *here.as_array()), seen(second + 1.0, *there.as_array()))
+        verdict = localizer.fuse(Ambiguous(tuple(place.belief for place in places), (0.6, 0.4)))
+        assert verdict == Missed(Unused.AMBIGUOUS)
+    assert localizer.state is State.LOST
+    assert len(localizer.beliefs) == 2
+    assert [window.dt_m for window in localizer.windows_at(5 * SECOND_NS)][-1] == math.inf
+    for second in (5, 6):
+        localizer.predict(turning(second))
+        there = advance(there, turning(second))
+        localizer.fuse(seen(second + 1.0, *there.as_array()))
+    assert localizer.state is State.TRACKING
+    assert localizer.belief.pose.minus(there) == pytest.approx(np.zeros(3), abs=0.05)
+
+
+def test_a_tracking_robot_knows_which_of_two_places_it_sees():
+    localizer = Localizer(KNOWN)
+    localizer.predict(still(0, 1))
+    far = seen(1.0, x=8.0).belief
+    assert isinstance(localizer.fuse(Ambiguous((far, seen(1.0).belief), (0.6, 0.4))), Fused)
+    assert localizer.state is State.TRACKING
+    assert localizer.belief.pose.x == pytest.approx(1.0, abs=1e-6)
+
+
+def test_two_places_that_both_fit_are_uncertain():
+    vague = PoseBelief(0, KNOWN.pose, np.diag([0.02, 0.02, 0.001]))
+    localizer = Localizer(vague)
+    localizer.predict(still(0, 1))
+    places = tuple(seen(1.0, x=1.0 + side).belief for side in (-0.25, 0.25))
+    assert isinstance(localizer.fuse(Ambiguous(places, (0.5, 0.5))), Fused)
+    assert localizer.state is State.UNCERTAIN
+    assert Doubt.CONTRADICTED in localizer.diagnosis.doubts
+    assert len(localizer.beliefs) == 2
+
+
+def nothing(stamp_s: float) -> tuple[NoFix, None, int]:
+    """An image that shows none of the twenty edges that should be seen."""
+    look = Look(lines_px=np.zeros((50, 2, 2)), predicted_px=np.zeros((20, 2, 2)))
+    return NoFix(Reason.WEAK_EVIDENCE, look), None, int(stamp_s * SECOND_NS)
+
+
+def test_three_images_that_show_nothing_expected_are_doubted_and_a_fix_settles_it():
+    localizer = Localizer(KNOWN)
+    for second in range(3):
+        assert localizer.state is State.TRACKING
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(*nothing(second + 1.0))
+    assert localizer.diagnosis.state is State.UNCERTAIN
+    assert {Doubt.CONTRADICTED, Doubt.UNEXPLAINED} <= set(localizer.diagnosis.doubts)
+    assert localizer.windows_at(3 * SECOND_NS)[-1] == SearchWindow.everywhere()
+    assert localizer.belief is not None
+    localizer.predict(still(3, 4))
+    localizer.fuse(seen(4.0))
+    assert localizer.state is State.TRACKING
+
+
+def test_a_covered_camera_contradicts_nothing():
+    localizer = Localizer(KNOWN)
+    for second in range(9):
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(NoFix(Reason.TOO_FEW_SEGMENTS), None, (second + 1) * SECOND_NS)
+    assert localizer.state is State.TRACKING
+    for second in range(9, 12):
+        localizer.predict(still(second, second + 1))
+    assert localizer.diagnosis.doubts == (Doubt.NO_UPDATE,)
+
+
+def test_a_pose_that_many_images_contradict_is_lost_and_comes_back_only_confirmed():
+    localizer = Localizer(KNOWN)
+    for second in range(8):
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(*nothing(second + 1.0))
     assert localizer.state is State.LOST
     assert localizer.belief is None
-    assert localizer.belief_at(0) is None
-    assert math.isinf(localizer.window_at(0).dt_m)
+    for second, state in ((8, State.LOST), (9, State.TRACKING)):
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(seen(second + 1.0))
+        assert localizer.state is state
 
 
-def test_reset_begins_again():
+def test_position_only_fixes_bring_back_a_robot_that_knew_nothing():
+    localizer, pose = Localizer(), Pose2(1.0, 2.0, -2.0)
+    for second in range(12):
+        localizer.predict(turning(second))
+        pose = advance(pose, turning(second))
+        covariance = np.diag([0.0025, 0.0025, math.inf])
+        localizer.fuse(Fix(PoseBelief((second + 1) * SECOND_NS, Pose2(pose.x, pose.y, 0.0), covariance)))
+    assert localizer.belief is not None
+    assert localizer.belief.pose.minus(pose) == pytest.approx(np.zeros(3), abs=0.1)
+
+
+def test_odometry_frame_never_jumps_and_the_correction_does():
+    localizer, moved = Localizer(KNOWN), Pose2(0.0, 0.0, 0.0)
+    for second in range(6):
+        localizer.predict(turning(second))
+        moved = advance(moved, turning(second))
+        if second == 3:
+            localizer.reset(PoseBelief(4 * SECOND_NS, Pose2(7.0, 7.0, 1.0), KNOWN.covariance))
+        assert localizer.odom_from_robot.minus(moved) == pytest.approx(np.zeros(3), abs=1e-12)
+        there = localizer.map_from_odom @ localizer.odom_from_robot
+        assert there.minus(localizer.belief.pose) == pytest.approx(np.zeros(3), abs=1e-9)
+        jumped = abs(localizer.belief.pose.x - 1.0) > 4.0
+        assert jumped == (second >= 3)
+
+
+def test_reset_begins_again_and_keeps_the_odometry_since():
     localizer = Localizer(NOWHERE)
     localizer.reset(KNOWN)
     assert localizer.state is State.TRACKING
-    assert localizer.belief is not None
     assert localizer.belief.pose == KNOWN.pose
+    for second in range(2):
+        localizer.predict(turning(second))
+    localizer.reset(PoseBelief(SECOND_NS, KNOWN.pose, KNOWN.covariance))
+    assert localizer.belief.stamp_ns == 2 * SECOND_NS
+    assert localizer.belief.pose == advance(KNOWN.pose, turning(1))
+    localizer.reset(None)
+    assert localizer.state is State.LOST
 
 
 def test_gate_refuses_outliers_and_keeps_good_fixes(simulate):
@@ -142,10 +288,13 @@ def test_refused_fixes_do_not_win(places):
     assert localizer.belief.pose.x == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_refused_position_alone_begins_nothing():
+def test_refused_positions_alone_win_nothing_but_doubt():
     localizer = Localizer(KNOWN)
     blind = np.diag([0.0025, 0.0025, math.inf])
-    for second in range(4):
+    states = [*2 * [State.TRACKING], *4 * [State.UNCERTAIN], State.LOST]
+    for second, state in enumerate(states):
         localizer.predict(still(second, second + 1))
         fix = Fix(PoseBelief((second + 1) * SECOND_NS, Pose2(3.0, 2.0, 0.0), blind))
-        assert isinstance(localizer.fuse(fix), Rejected)
+        verdict = localizer.fuse(fix)
+        assert isinstance(verdict, Missed if state is State.LOST else Rejected)
+        assert localizer.state is state

@@ -1,8 +1,9 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from localization.odometry import (
@@ -10,8 +11,7 @@ from localization.odometry import (
     OdometryStep,
     WheelGeometry,
     advance,
-    motion_jacobians,
-    motion_noise,
+    standing_step,
     twist_step,
     wheel_step,
 )
@@ -22,8 +22,10 @@ SECOND_NS = 1_000_000_000
 
 poses = st.builds(Pose2, *[st.floats(-50.0, 50.0)] * 2, st.floats(-math.pi, math.pi))
 turns = st.one_of(st.floats(-3.0, 3.0), st.floats(-2e-2, 2e-2), st.floats(-1e-8, 1e-8), st.just(0.0))
+SYSTEMATIC = 1e-2 * np.arange(12.0).reshape(3, 4)
+NOISE = OdometryNoise()
 steps = st.builds(
-    lambda forward, turn: OdometryStep(0, SECOND_NS, forward, turn, COVARIANCE, 1e-4),
+    lambda forward, turn: OdometryStep(0, SECOND_NS, forward, turn, COVARIANCE, 1e-4, SYSTEMATIC, 0.1, 10.0),
     st.floats(-2.0, 2.0),
     turns,
 )
@@ -33,14 +35,19 @@ def close(a: Pose2, b: Pose2) -> bool:
     return bool(np.allclose(a.minus(b), 0.0, atol=1e-9))
 
 
+@settings(deadline=None)  # the first call may compile
 @given(poses, steps, st.integers(1, SECOND_NS - 1))
 def test_parts_compose_back_to_the_step(pose, step, cut_ns):
     first, second = step.part(0, cut_ns), step.part(cut_ns, SECOND_NS)
     assert close(advance(advance(pose, first), second), advance(pose, step))
     assert np.allclose(first.covariance + second.covariance, step.covariance)
     assert first.sideways_m2 + second.sideways_m2 == pytest.approx(step.sideways_m2)
+    assert np.allclose(first.systematic + second.systematic, step.systematic)
+    assert first.forgetting + second.forgetting == pytest.approx(step.forgetting)
+    assert first.slip == second.slip == step.slip
 
 
+@settings(deadline=None)
 @given(poses, poses, steps)
 def test_motion_does_not_depend_on_the_frame(frame, pose, step):
     assert close(advance(frame @ pose, step), frame @ advance(pose, step))
@@ -62,33 +69,6 @@ def test_advance_is_the_arc(turn):
     assert end.as_array() == pytest.approx(expected, abs=1e-10)
 
 
-@given(poses, steps)
-def test_jacobians_agree_with_differences(pose, step):
-    by_pose, by_motion = motion_jacobians(pose, step)
-    h = 1e-5
-    for i in range(3):
-        shift = h * np.eye(3)[i]
-        ahead = advance(Pose2.from_array(pose.as_array() + shift), step)
-        behind = advance(Pose2.from_array(pose.as_array() - shift), step)
-        assert ahead.minus(behind) / (2.0 * h) == pytest.approx(by_pose[:, i], abs=1e-5)
-    for i, (forward, turn) in enumerate(h * np.eye(2)):
-
-        def moved(sign, forward=forward, turn=turn):
-            return OdometryStep(
-                0, 1, step.forward_m + sign * forward, step.turn_rad + sign * turn, COVARIANCE
-            )
-
-        difference = advance(pose, moved(1.0)).minus(advance(pose, moved(-1.0)))
-        assert difference / (2.0 * h) == pytest.approx(by_motion[:, i], abs=1e-5)
-
-
-def test_sideways_slip_is_across_the_heading():
-    step = OdometryStep(0, 1, 0.0, 0.0, np.zeros((2, 2)), 4.0)
-    _, by_motion = motion_jacobians(Pose2(0.0, 0.0, 0.5 * math.pi), step)
-    noise = motion_noise(Pose2(0.0, 0.0, 0.5 * math.pi), step, by_motion)
-    assert noise == pytest.approx(np.diag([4.0, 0.0, 0.0]))
-
-
 def test_wheel_step_on_unequal_wheels():
     geometry = WheelGeometry(0.1, 0.2, 0.5)
     step = wheel_step(0, SECOND_NS, 1.0, 1.0, geometry, OdometryNoise())
@@ -107,11 +87,48 @@ def test_wheel_noise_is_that_of_each_wheel():
     [
         twist_step(0, SECOND_NS, 0.0, 0.0, OdometryNoise()),
         wheel_step(0, SECOND_NS, 0.0, 0.0, WheelGeometry(0.1, 0.1, 0.3), OdometryNoise()),
+        standing_step(0, SECOND_NS, OdometryNoise()),
     ],
 )
 def test_standstill_keeps_a_floor_in_every_direction(still):
-    _, by_motion = motion_jacobians(Pose2(0.0, 0.0, 1.0), still)
-    assert np.linalg.eigvalsh(motion_noise(Pose2(0.0, 0.0, 1.0), still, by_motion)).min() > 0.0
+    assert np.linalg.eigvalsh(still.random).min() > 0.0
+
+
+GEOMETRY = WheelGeometry(0.06, 0.05, 0.3, 0.001, 0.002, 0.003)
+
+
+@pytest.mark.parametrize("column", range(3))
+def test_systematic_errors_are_derivatives_by_the_geometry(column):
+    """One standard deviation more of a radius or of the baseline, against the difference that it makes."""
+    names = ("left_radius_m", "right_radius_m", "baseline_m")
+    std = (0.001, 0.002, 0.003)[column]
+    nominal = getattr(GEOMETRY, names[column])
+    ahead, behind = (
+        wheel_step(0, SECOND_NS, 2.0, 5.0, replace(GEOMETRY, **{names[column]: nominal + h * std}), NOISE)
+        for h in (1e-4, -1e-4)
+    )
+    slopes = [(ahead.forward_m - behind.forward_m) / 2e-4, (ahead.turn_rad - behind.turn_rad) / 2e-4, 0.0]
+    step = wheel_step(0, SECOND_NS, 2.0, 5.0, GEOMETRY, NOISE)
+    assert step.systematic[:, column] == pytest.approx(slopes, abs=1e-9)
+
+
+def test_what_the_geometry_does_not_say_is_a_share():
+    noise = OdometryNoise(radius_share=0.01, baseline_share=0.02, crab_rad=0.1)
+    step = wheel_step(0, SECOND_NS, -1.0, 1.0, WheelGeometry(0.5, 0.5, 0.5), noise)
+    assert step.systematic[1] == pytest.approx([0.01, 0.01, -0.04, 0.0])
+    ahead = wheel_step(0, SECOND_NS, 1.0, 1.0, WheelGeometry(0.5, 0.5, 0.5), noise)
+    assert ahead.systematic[:, 3] == pytest.approx([0.0, 0.0, 0.05])
+
+
+def test_a_twist_has_scales_a_bias_and_a_crab():
+    noise = OdometryNoise(
+        twist_forward_share=0.1, twist_turn_share=0.2, twist_bias_radps=0.01, crab_rad=0.03, memory_s=50.0
+    )
+    step = twist_step(0, 2 * SECOND_NS, 0.5, -0.3, noise)
+    expected = [[0.1, 0.0, 0.0, 0.0], [0.0, -0.12, 0.02, 0.0], [0.0, 0.0, 0.0, 0.03]]
+    assert step.systematic == pytest.approx(np.array(expected))
+    assert step.forgetting == pytest.approx(0.04)
+    assert not standing_step(0, SECOND_NS, noise).systematic.any()
 
 
 def test_twist_noise_grows_with_the_way_whichever_its_direction():

@@ -1,12 +1,14 @@
 import itertools
 import logging
 import math
+from dataclasses import replace
 
 import gtsam
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from localization.ekf import Estimate, predict
 from localization.history import History
 from localization.odometry import OdometryStep, advance
 from localization.smoother import SmootherConfig, smooth
@@ -91,13 +93,23 @@ def test_heading_only_fix_and_fixes_outside(simulate):
 
 
 def test_no_fixes_is_dead_reckoning_with_the_filters_covariance(simulate):
+    """Of random errors; those that last, and slips, the graph only widens its noise for."""
     drive = simulate(0, steps=40)
-    history = History(drive.initial, 0.999, math.inf)
-    for step in drive.steps:
-        history.append(step)
-    last = smooth(drive.initial, drive.steps, [])[-1]
-    assert last.pose.minus(history.belief.pose) == pytest.approx(np.zeros(3), abs=1e-6)
-    assert last.covariance == pytest.approx(history.belief.covariance, rel=0.05, abs=2e-3)
+    steps = [replace(step, systematic=np.zeros((3, 4)), slip=0.0) for step in drive.steps]
+    estimate = Estimate.of(drive.initial)
+    for step in steps:
+        estimate = predict(estimate, step)
+    last = smooth(drive.initial, steps, [])[-1]
+    assert last.pose.minus(estimate.pose) == pytest.approx(np.zeros(3), abs=1e-6)
+    assert last.covariance == pytest.approx(estimate.covariance, rel=0.05, abs=2e-3)
+
+
+def test_odometry_is_as_wide_as_its_slips_ask(simulate):
+    drive = simulate(0, steps=40)
+    tight, wide = (
+        smooth(drive.initial, drive.steps, [], SmootherConfig(slip_share=share))[-1] for share in (0.0, 0.5)
+    )
+    assert np.linalg.eigvalsh(wide.covariance - tight.covariance).min() > 0.0
 
 
 def test_no_steps_leave_the_initial_belief(simulate):

@@ -8,6 +8,7 @@ import numpy as np
 from runs.evaluation import read_truth
 from runs.runlog import Trajectory
 from runs.session import read_session
+from vision.encoding import jpeg
 
 
 def moved_unawares(folder, cut_s, gone_s):
@@ -49,3 +50,16 @@ def observable_frames(folder):
     """Return the names of the frames in which five map edges or more can be found."""
     with (folder / "observable.csv").open() as file:
         return {row["filename"] for row in csv.DictReader(file) if int(row["observable"]) >= 5}
+
+
+def covered(folder, scratch, from_s, to_s):
+    """Return the session of a folder whose camera sees nothing for a time; `scratch`: for the black picture."""
+    session = read_session(folder)
+    assert session.camera is not None
+    black = scratch / "black.jpg"
+    black.write_bytes(jpeg(np.full((session.camera.height, session.camera.width), 8, np.uint8)))
+    frames = [
+        dataclasses.replace(frame, path=black) if from_s * 1e9 <= frame.stamp_ns < to_s * 1e9 else frame
+        for frame in session.frames
+    ]
+    return dataclasses.replace(session, frames=tuple(frames))

@@ -114,7 +114,6 @@ def test_compare(wireloc, toy, tmp_path):
         ("robot.yaml", None, "robot.yaml: no such file"),
         ("robot.yaml", "wheels: [", "robot.yaml: line"),
         ("robot.yaml", "wheels: {radius_m: -1, baseline_m: 1}", "robot.yaml: wheels.radius_m"),
-        ("robot.yaml", "wheels: {radius_m: 1, baseline_m: 1}", "robot.yaml: initial_pose: not known"),
         ("map.yaml", "units: feet\nsegments: []\nfloor: []\n", "map.yaml: units"),
         ("frames.csv", "timestamp_s,filename\n0,../x.jpg\n", "frames.csv: line 2"),
         (
@@ -140,7 +139,6 @@ def test_bad_input(wireloc, toy, tmp_path, name, text, said):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--lost",), "initial_pose: not known"),
         (("--initial-pose", "1"), "--initial-pose: expected X,Y[,PHI]"),
         (("--initial-pose", "1,nan"), "--initial-pose: expected X,Y[,PHI]"),
         (("--initial-pose", "1,2,3", "--initial-std", "1"), "--initial-std: expected DT_M,DPHI_DEG"),
@@ -186,3 +184,25 @@ def test_listed_image_that_is_none(wireloc, sample, tmp_path):
     assert "image.jpg: not an image" in ended.err
     assert ended.err.count("\n") == 1
     assert left_behind(tmp_path) == []
+
+
+def test_run_without_a_pose(wireloc, toy, tmp_path):
+    """Told to forget it, or never told: two looks that agree, and the run goes on from there."""
+    ended = wireloc("run", toy, "--lost", "--out", tmp_path / "lost")
+    assert ended.code == 0
+    (toy / "robot.yaml").write_text("wheels: {radius_m: 0.05, baseline_m: 0.4}\n")
+    ended = wireloc("run", toy, "--out", tmp_path / "unknown")
+    assert ended.code == 0
+    for name in ("filtered.tum", "odometry.tum", "smoothed.tum", "vision.tum"):
+        tracks = [(tmp_path / run / name).read_text() for run in ("lost", "unknown")]
+        assert tracks[0] == tracks[1] != ""
+    assert (tmp_path / "lost" / "filtered.tum").read_text().startswith("1.35")
+
+
+def test_never_found_is_no_usable_result(wireloc, toy, tmp_path):
+    rows = (toy / "fixes.csv").read_text().splitlines()
+    (toy / "fixes.csv").write_text("\n".join(rows[:2]) + "\n")
+    ended = wireloc("run", toy, "--lost", "--out", tmp_path / "out")
+    assert ended.code == 1
+    assert "no fix was accepted" in ended.err
+    assert (tmp_path / "out" / "filtered.tum").read_text() == ""

@@ -72,6 +72,25 @@ def test_own_radii_go_before_the_nominal_one(tmp_path):
     assert (wheels.left_radius_m, wheels.right_radius_m) == (0.051, 0.05)
 
 
+def test_how_well_wheels_are_known(tmp_path):
+    content = changed("wheels.std_radius_m", 0.0002)
+    content["wheels"] |= {"std_left_radius_m": 0.0, "std_baseline_m": 0.004}
+    wheels = read(tmp_path, content).wheels
+    stds = (wheels.std_left_radius_m, wheels.std_right_radius_m, wheels.std_baseline_m)
+    assert stds == (0.0, 0.0002, 0.004)
+    unsaid = read(tmp_path, document()).wheels
+    assert (unsaid.std_left_radius_m, unsaid.std_right_radius_m, unsaid.std_baseline_m) == (None, None, None)
+
+
+def test_how_well_the_camera_is_known(tmp_path):
+    content = document()
+    content["camera"] |= {"std_fx": 0.57, "std_fy": 1.142, "std_cx": 0.4, "std_cy": None}
+    camera = read(tmp_path, content).camera
+    assert (camera.std_focal, camera.std_centre_px) == (pytest.approx(0.002), 0.4)
+    unsaid = read(tmp_path, document()).camera
+    assert (unsaid.std_focal, unsaid.std_centre_px) == (0.0, 0.0)
+
+
 def test_fisheye(tmp_path):
     content = changed("camera.model", "fisheye (OpenCV)")
     content["camera"]["distortion_k1_k2_k3_k4"] = [0.1, 0.2, 0.3, 0.4]
@@ -101,6 +120,10 @@ def test_parts_may_be_absent(tmp_path, key, value):
         ("wheels.baseline_m", -0.3),
         ("wheels.baseline_m", math.nan),
         ("wheels.right_radius_m", math.inf),
+        ("wheels.std_radius_m", -0.001),
+        ("wheels.std_baseline_m", "small"),
+        ("camera.std_fx", -1.0),
+        ("camera.std_cy", math.inf),
         ("camera.model", "pinhole"),
         ("camera.width", 0),
         ("camera.height", 480.5),

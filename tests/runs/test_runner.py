@@ -9,12 +9,13 @@ from maps.errors import InputError
 from maps.outcomes import Fix, NoFix, PoseBelief, Reason
 from maps.poses import Pose2
 from runs.config import RunConfig
-from runs.evaluation import read_truth
+from runs.evaluation import evaluate, read_truth
 from runs.results import FileLog
 from runs.runlog import COLUMNS, NullLog
-from runs.runner import run_session, starting_belief
+from runs.runner import run_session
 from runs.session import read_session
 from runs.tracks import errors_of
+from vision.matcher import MatcherConfig
 
 CONFIG = RunConfig()
 TIMING = [COLUMNS.index(name) for name in ("extract_ms", "match_ms", "update_ms")]
@@ -52,7 +53,7 @@ class TrustedEye:
     """Stands for the matcher: finds the window's centre in the first frame, nothing afterwards."""
 
     def __init__(self, *_):
-        self.timing_ms = {"extract": 1.0, "match": 2.0}
+        self.config, self.timing_ms = MatcherConfig(), {"extract": 1.0, "match": 2.0}
         self.images = []
 
     def match(self, image, stamp_ns, window):
@@ -167,14 +168,43 @@ def test_image_of_another_size(two_frames):
         run(two_frames)
 
 
-def test_nobody_knows_where_it_starts(toy, two_frames):
+def test_a_session_without_a_pose_finds_one(toy):
+    """Two looks that agree; nothing is published before."""
     session = dataclasses.replace(read_session(toy), initial=None)
-    with pytest.raises(InputError, match=r"robot\.yaml: initial_pose: not known.*no global search"):
-        starting_belief(session)
-    unknown = PoseBelief(0, Pose2(0.0, 0.0, 0.0), np.diag([0.01, 0.01, np.inf]))
-    with pytest.raises(InputError, match=r"initial_pose\.phi_rad: not known"):
-        starting_belief(dataclasses.replace(two_frames, initial=unknown))
-    assert starting_belief(dataclasses.replace(session, initial=unknown)) is unknown
+    result = run(session)
+    tracks = result.trajectories
+    assert [record.verdict for record in result.records] == ["MISSED", "RELOCALIZED", *["FUSED"] * 6]
+    assert [record.reason for record in result.records[:2]] == ["UNCONFIRMED", ""]
+    assert tracks.filtered.stamps_ns[0] == tracks.odometry.stamps_ns[0] == tracks.smoothed.stamps_ns[0]
+    assert tracks.filtered.stamps_ns[0] == 1_350_000_000
+    assert errors_of(tracks.filtered, read_truth(toy)).position_m.max() < 0.01
+    states = [span.state for span in result.spans]
+    assert states == ["LOST"] * 26 + ["TRACKING"] * (len(states) - 26)
+    metrics = evaluate(session, result, read_truth(toy))
+    assert metrics["availability"] == pytest.approx(1.0 - 1.3 / 8.0)
+    assert metrics["states"] == pytest.approx({"TRACKING": 6.7, "UNCERTAIN": 0.0, "LOST": 1.3})
+
+
+def test_a_position_alone_of_an_image_session_is_searched_in_all_headings(two_frames):
+    unknown = PoseBelief(0, two_frames.initial.pose, np.diag([0.01, 0.01, np.inf]))
+    record = run(dataclasses.replace(two_frames, initial=unknown)).records[0]
+    assert record.window_dphi_rad == pytest.approx(np.pi)
+    assert 0.3 < record.window_dt_m < 0.5
+
+
+def test_frames_over_the_rate_are_dropped_and_counted(sample, monkeypatch):
+    monkeypatch.setattr("runs.runner.LineMatcher", TrustedEye)
+    session = read_session(sample)
+    session = dataclasses.replace(session, frames=session.frames[:8])
+    config = dataclasses.replace(CONFIG, match_rate_hz=0.4)
+    progress = []
+    result = run_session(session, config, NullLog(), lambda done, total: progress.append((done, total)))
+    assert (len(result.records), result.dropped) == (4, 4)
+    assert [record.filename for record in result.records] == [
+        f"images/{number:06d}.jpg" for number in (0, 2, 4, 6)
+    ]
+    assert evaluate(session, result, None)["dropped_frames"] == 4
+    assert run(session).dropped == 0
 
 
 def test_no_heading_no_belief(toy):

@@ -1,0 +1,109 @@
+"""Which of the places is believed, and since when: the leading hypothesis, and whether it is trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from localization.ekf import innovation
+from localization.hypotheses import Hypotheses, HypothesesConfig, Hypothesis
+from localization.odometry import OdometryStep
+from localization.sightings import Sighting
+from localization.verdicts import ACCEPTED, Fused, Missed, Refusal, Rejected, Relocalized, Verdict
+from maps.outcomes import PoseBelief
+
+
+@dataclass(frozen=True, slots=True)
+class TrustConfig:
+    """When a place is believed.
+
+    `sure`: probability at which a place found while lost is trusted, and above which it is not doubtful.
+    `views`: so many looks apart from each other must have found it; one alone may be chance.
+    `switch`: another place takes over once it is so much likelier than the leading one; less would make
+    the published pose jump to and fro. `lost`: a place less likely than this is trusted no longer.
+    """
+
+    sure: float = 0.8
+    views: float = 2.0
+    switch: float = 2.0
+    lost: float = 0.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mind:
+    """All that is known at one time, a pure function of steps and looks in their order.
+
+    `leader`: name of the leading hypothesis. `trusted`: whether it may be published. `misses`: looks on end
+    that were not fused into it; `unexplained`: those among them with something to see, by how far they were apart.
+    """
+
+    hypotheses: Hypotheses
+    leader: int | None
+    trusted: bool
+    misses: int = 0
+    unexplained: float = 0.0
+
+    @classmethod
+    def at(cls, belief: PoseBelief, config: HypothesesConfig) -> Mind:
+        """Begin with a belief that is trusted."""
+        return cls(Hypotheses.at(belief, config), 0, True)
+
+    @classmethod
+    def lost(cls) -> Mind:
+        """Begin anywhere."""
+        return cls(Hypotheses.none(), None, False)
+
+    @property
+    def leading(self) -> Hypothesis | None:
+        """The leading hypothesis, trusted or not."""
+        return None if self.leader is None else self.hypotheses.named(self.leader)
+
+    @property
+    def trusted_place(self) -> Hypothesis | None:
+        """The hypothesis to publish; None while lost."""
+        return self.leading if self.trusted else None
+
+    def moved(self, step: OdometryStep, config: HypothesesConfig) -> Mind:
+        """Follow one step."""
+        hypotheses = self.hypotheses.moved(step, config)
+        trusted = self.trusted and any(place.name == self.leader for place in hypotheses.places)
+        return Mind(hypotheses, self.leader, trusted, self.misses, self.unexplained)
+
+    def seen(
+        self, sighting: Sighting, gate: float, config: HypothesesConfig, trust: TrustConfig
+    ) -> tuple[Mind, Verdict]:
+        """Take a look at its stamp: the mind after it, and what became of the look."""
+        hypotheses = self.hypotheses.seen(sighting, self.leader, gate, config)
+        leader, trusted = self._chosen(hypotheses, trust)
+        place = hypotheses.named(leader)
+        if not trusted:
+            verdict: Verdict = Missed(sighting.unused)
+        elif (leader != self.leader or not self.trusted) and place and place.nis is not None:
+            verdict = Relocalized(place.nis)
+        elif place and place.nis is not None:
+            verdict = Fused(place.nis)
+        else:
+            verdict = self._unfused(sighting)
+        if isinstance(verdict, ACCEPTED):
+            return Mind(hypotheses, leader, trusted), verdict
+        apart = 0.0 if sighting.blind else self.hypotheses.independence(sighting.stamp_ns, config)
+        return Mind(hypotheses, leader, trusted, self.misses + 1, self.unexplained + apart), verdict
+
+    def _unfused(self, sighting: Sighting) -> Verdict:
+        """Return why a look was not fused; one place is told how far off it was."""
+        place = self.leading
+        if place is None or len(sighting.places) != 1:
+            return Missed(sighting.unused)
+        return Rejected(Refusal.GATE, innovation(place.estimate, sighting.places[0]).nis)
+
+    def _chosen(self, hypotheses: Hypotheses, trust: TrustConfig) -> tuple[int | None, bool]:
+        """Return the leader's name and whether it is trusted."""
+        if not hypotheses.places:
+            return None, False
+        best, old = hypotheses.places[0], hypotheses.named(self.leader)
+        if self.trusted and old is not None:
+            rival = next((place for place in hypotheses.places if place.views >= trust.views), None)
+            if rival is not None and rival.weight >= trust.switch * old.weight:
+                old = rival
+            if old.weight >= trust.lost:
+                return old.name, True
+        return best.name, best.views >= trust.views and best.weight >= trust.sure
