@@ -36,8 +36,8 @@ class HypothesisConfig:
     #: The fullest cells that become hypotheses.
     max_from_couples: int = 250
     #: Steps of the grid over the window.
-    grid_m: float = 0.12
-    grid_rad: float = 0.025
+    grid_m: float = 0.15
+    grid_rad: float = 0.03
 
 
 def couple_hypotheses(

@@ -200,7 +200,7 @@ def _scores(
                 second = first
             elif worth[_POLARITY, p] < -0.5:
                 first = second
-            looks = max(int(min(length / unit_px, 2.0 * max_units)), 1) + 1
+            looks = max(int(min(length / unit_px, max_units)), 1) + 1
             near = 0.0
             for at in range(looks):
                 along = (at + 0.5) / looks

@@ -53,7 +53,7 @@ class MatcherConfig:
     #: While tracking, in a window this small, few of them suffice: all lie near the truth.
     near_m: float = 0.2
     near_rad: float = math.radians(4.0)
-    refined_near: int = 4
+    refined_near: int = 5
     apart_m: float = 0.05
     apart_rad: float = 0.01
 
