@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from maps.poses import Array, Pose2, frozen
+from maps.poses import Array, Pose2, frozen, wrap_angle
 
 #: A fix that constrains every direction this well is whole; a weaker one is partial.
 FIX_POSITION_STD_M = 0.15
@@ -51,16 +51,71 @@ class PoseBelief:
         return math.sqrt(float(self.covariance[2, 2]))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseEllipsoid:
+    """Poses whose squared Mahalanobis distance from a centre is at most `gate`; x, y and phi together.
+
+    `covariance`: (3, 3) positive definite, over (x, y, phi) in the map frame [m^2, m rad, rad^2].
+    """
+
+    centre: Pose2
+    covariance: Array
+    gate: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", frozen(self.covariance))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, PoseEllipsoid):
+            return NotImplemented
+        return (self.centre, self.gate, self.covariance.tolist()) == (
+            other.centre,
+            other.gate,
+            other.covariance.tolist(),
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.centre, self.gate, self.covariance.tobytes()))
+
+    @property
+    def matrix(self) -> Array:
+        """The matrix A (3, 3) of the bound, d' A d <= 1 for a pose d away from the centre."""
+        return np.asarray(np.linalg.inv(self.gate * self.covariance), np.float64)
+
+    @property
+    def volume(self) -> float:
+        """The ellipsoid's volume [m^2 rad]."""
+        return 4.0 / 3.0 * math.pi * math.sqrt(float(np.linalg.det(self.gate * self.covariance)))
+
+    def holds(self, poses: Array) -> NDArray[np.bool_]:
+        """Whether poses (H, 3) lie inside, (H,)."""
+        away = poses - self.centre.as_array()
+        away[:, 2] = wrap_angle(away[:, 2])
+        result: NDArray[np.bool_] = np.einsum("hi,ij,hj->h", away, self.matrix, away) <= 1.0 + 1e-9
+        return result
+
+    def widened(self, by: Array) -> PoseEllipsoid:
+        """Return the ellipsoid with its half-axes longer by up to `by` (3,) [m, m, rad], where it is thin."""
+        return PoseEllipsoid(self.centre, self.covariance + np.diag(by**2) / self.gate, self.gate)
+
+    def may_hold(self, belief: PoseBelief) -> bool:
+        """Whether the true pose may lie inside by a belief: the gate on the difference, with both covariances."""
+        away = belief.pose.minus(self.centre)
+        return float(away @ np.linalg.solve(self.covariance + belief.covariance, away)) <= self.gate
+
+
 @dataclass(frozen=True, slots=True)
 class SearchWindow:
     """Where to look: within `dt_m` of the centre and within `dphi_rad` of its heading (paper, 3.2).
 
-    Being lost is only a large window: an infinite `dt_m` takes in the whole floor.
+    Being lost is only a large window: an infinite `dt_m` takes in the whole floor. `ellipsoid`: what the disc and
+    the slice of headings are cut down to, where more is known: a long, thin doubt needs no whole disc.
     """
 
     centre: Pose2
     dt_m: float
     dphi_rad: float
+    ellipsoid: PoseEllipsoid | None = None
 
     @classmethod
     def everywhere(cls) -> SearchWindow:
@@ -70,7 +125,8 @@ class SearchWindow:
     def holds(self, pose: Pose2) -> bool:
         """Whether a pose lies inside."""
         away = pose.minus(self.centre)
-        return math.hypot(away[0], away[1]) <= self.dt_m and abs(away[2]) <= self.dphi_rad
+        near = math.hypot(away[0], away[1]) <= self.dt_m and abs(away[2]) <= self.dphi_rad
+        return near and (self.ellipsoid is None or bool(self.ellipsoid.holds(pose.as_array()[None])[0]))
 
 
 class Reason(StrEnum):
@@ -101,8 +157,9 @@ class Look:
     centre, raw pixels; `predicted_map`: (P,) their rows of the wire map.
     `matched_map`, `matched_image`: (K,) rows of the wire map and of `lines_px` that are paired;
     `residuals_px`: (K,) root mean square distance of each image line from its predicted one.
-    `selected`: map segments tried in the window; `hypotheses`: poses scored; `score`: log-likelihood
-    ratio of the best one against chance.
+    `selected`: map segments tried in the window; `hypotheses`: poses scored; `refined`: those of them that were
+    worth a closer look; `score`: log-likelihood ratio of the best one against chance. `polarity`: (M,) +1 where an
+    image line is brighter on its right-hand side, -1 darker, 0 unknown; empty (0,) where nobody says.
     """
 
     lines_px: Array = field(default_factory=_no_lines)
@@ -113,7 +170,9 @@ class Look:
     residuals_px: Array = field(default_factory=lambda: np.zeros(0))
     selected: int = 0
     hypotheses: int = 0
+    refined: int = 0
     score: float = 0.0
+    polarity: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -59,15 +59,22 @@ class Symmetries:
 
 def symmetries_of(wire_map: WireMap) -> Symmetries:
     """Return the motions that carry at least `MIN_VOTES` edges of a map onto edges of it."""
-    found = [_shifts(wire_map.endpoints, turn) for turn in _turns(wire_map.endpoints)]
-    motions = np.concatenate([rows for rows, _ in found])
+    motions = motions_of(wire_map, np.arange(len(wire_map)))
+    return Symmetries(frozen(motions), _carries(wire_map.endpoints, motions))
+
+
+def motions_of(wire_map: WireMap, rows: NDArray[np.int64]) -> Array:
+    """Return the motions (K, 3) that carry at least `MIN_VOTES` of some edges onto edges of the map, most first."""
+    some = wire_map.endpoints[rows]
+    found = [_shifts(some, wire_map.endpoints, turn) for turn in _turns(wire_map.endpoints)]
+    motions = np.concatenate([moves for moves, _ in found])
     votes = np.concatenate([counts for _, counts in found])
     # Of turns about a far point that hardly differ from standing still, none is here: turns are discrete.
     moves = np.hypot(motions[:, 0], motions[:, 1]) > _STILL_M
     keep = np.flatnonzero(moves | (np.abs(motions[:, 2]) > _STILL_RAD))
     keep = keep[np.argsort(-votes[keep], kind="stable")][:_MAX_MOTIONS]
-    motions = motions[keep]
-    return Symmetries(frozen(motions), _carries(wire_map.endpoints, motions))
+    result: Array = motions[keep]
+    return result
 
 
 def _turns(endpoints: Array) -> list[float]:
@@ -91,9 +98,9 @@ def _turns(endpoints: Array) -> list[float]:
     return turns
 
 
-def _shifts(endpoints: Array, turn: float) -> tuple[Array, NDArray[np.int64]]:
-    """The motions (K, 3) with one turn that bring several edges over their like, and their votes (K,)."""
-    turned, nothing = _turned(endpoints, turn), (np.zeros((0, 3)), np.zeros(0, np.int64))
+def _shifts(some: Array, endpoints: Array, turn: float) -> tuple[Array, NDArray[np.int64]]:
+    """The motions (K, 3) with one turn that bring several of some edges over their like, and their votes (K,)."""
+    turned, nothing = _turned(some, turn), (np.zeros((0, 3)), np.zeros(0, np.int64))
     there = np.concatenate([endpoints, endpoints[:, ::-1]])
     # Alike but for a shift of the plan: the same way from end to end, at the same height.
     tree = cKDTree(_shape(there))

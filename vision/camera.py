@@ -102,6 +102,11 @@ class Camera:
         return np.asarray(pixels, np.float64).reshape(-1, 2)
 
     @property
+    def area_px(self) -> float:
+        """Pixels of the image."""
+        return float(self.width * self.height)
+
+    @property
     def shift_px(self) -> float:
         """How far the doubts about tilt, focal length and principal point may shift the picture, one deviation."""
         tilt = math.hypot(self.mount.std_pitch_down_rad, self.mount.std_roll_rad)

@@ -17,7 +17,9 @@ class DecisionConfig:
     """When to believe."""
 
     #: A fix needs this much evidence over chance (nats), and this many different segments.
-    min_score: float = 15.0
+    min_score: float = 10.0
+    #: And this many times the logarithm of the number of poses that were tried.
+    tried_weight: float = 2.4
     min_matched: int = 6
     #: Poses this near each other are one place; their spread goes into the covariance.
     same_place_m: float = 0.30
@@ -25,7 +27,7 @@ class DecisionConfig:
     #: No more places than this are told apart; the rest of the odds is spread over them.
     max_places: int = 5
     #: Other places with more than this share of the odds make the image ambiguous.
-    max_rival_odds: float = 0.01
+    max_rival_odds: float = 0.05
     #: The looks at an image are not independent: log-odds between poses are divided by this.
     score_temper: float = 4.0
 
@@ -36,7 +38,7 @@ def decide(candidates: list[Candidate], look: Look, tried: float, config: Decisi
     `tried`: how many different poses the window held. The more, the better the best of them looks by accident.
     """
     best = candidates[0]
-    needed = max(config.min_score, config.score_temper * math.log(tried))
+    needed = max(config.min_score, config.tried_weight * math.log(tried))
     if best.score < needed or best.matched_segments < config.min_matched:
         return NoFix(Reason.WEAK_EVIDENCE, look)
     odds = np.exp((np.array([c.score for c in candidates]) - best.score) / config.score_temper)

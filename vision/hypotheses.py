@@ -61,6 +61,7 @@ def couple_hypotheses(
         config.max_couples,
         config.heading_agreement_rad,
         math.sin(config.min_crossing_rad),
+        *_bound(window),
     )
     full = np.flatnonzero(votes)
     full = full[np.argsort(-votes[full], kind="stable")[: config.max_from_couples]]
@@ -76,7 +77,19 @@ def grid_hypotheses(window: SearchWindow, config: HypothesisConfig) -> Array:
     offsets = np.stack(np.meshgrid(across, across, around, indexing="ij"), axis=3).reshape(-1, 3)
     inside = np.hypot(offsets[:, 0], offsets[:, 1]) <= dt_m * (1.0 + 1e-9)
     result: Array = window.centre.as_array() + offsets[inside]
-    return result
+    if window.ellipsoid is None:
+        return result
+    # A pose at the rim may have its node outside, half a step away.
+    half = 0.5 * np.array([config.grid_m, config.grid_m, config.grid_rad])
+    return result[window.ellipsoid.widened(half).holds(result)]
+
+
+def _bound(window: SearchWindow) -> tuple[Array, Array]:
+    """What offsets from a window's centre must keep to: less the first (3,), under the second (3, 3), at most one."""
+    if window.ellipsoid is None:
+        return np.zeros(3), np.zeros((3, 3))
+    # The slices of a wide window share its ellipsoid, which is not centred on them.
+    return window.ellipsoid.centre.minus(window.centre), window.ellipsoid.matrix
 
 
 @njit(cache=True, nogil=True)
@@ -94,6 +107,8 @@ def _vote(
     max_couples: int,
     agreement_rad: float,
     min_crossing: float,
+    bound_centre: Array,
+    bound: Array,
 ) -> tuple[NDArray[np.int64], Array]:
     """Solve couples of correspondences; count the poses in each cell (C,), and sum their offsets (C, 3)."""
     votes, sums = np.zeros(shape.prod(), np.int64), np.zeros((shape.prod(), 3))
@@ -125,6 +140,11 @@ def _vote(
         x = (a * by - b * ay) / crossing - (cos * mount[0] - sin * mount[1]) - centre[0]
         y = (b * ax - a * bx) / crossing - (sin * mount[0] + cos * mount[1]) - centre[1]
         if x * x + y * y > half[0] ** 2:
+            continue
+        dx, dy, turn = x - bound_centre[0], y - bound_centre[1], _wrapped(turned - bound_centre[2])
+        square = bound[0, 0] * dx * dx + bound[1, 1] * dy * dy + bound[2, 2] * turn * turn
+        square += 2.0 * (bound[0, 1] * dx * dy + bound[0, 2] * dx * turn + bound[1, 2] * dy * turn)
+        if square > 1.0:
             continue
         cell = int((x + half[0]) / size[0]) * shape[1] + int((y + half[1]) / size[1])
         cell = cell * shape[2] + int((turned + half[2]) / size[2])

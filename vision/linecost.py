@@ -20,6 +20,8 @@ _SETTLED = 1e-4
 _LEAST_INFORMATION = 1e-4
 #: Median absolute deviation of a normal distribution.
 _NORMAL_MAD = 0.6745
+#: Of a line that fixes the pose almost alone nothing but this share of its variance is left to be seen.
+_LEAST_LEFT = 0.1
 
 
 @njit(cache=True, nogil=True)
@@ -101,6 +103,7 @@ def maximise(
     rays: Array,
     sigma_middle: Array,
     sigma_slope: Array,
+    credence: Array,
     student: float,
     max_iterations: int,
 ) -> tuple[Array, Array, float]:
@@ -114,7 +117,7 @@ def maximise(
     trial_gradient, trial_information = np.empty(STATES), np.empty((STATES, STATES))
     linearise(state, mount, moments, directions, rays, distances, jacobian)
     cost = _normal_equations(
-        state, prior, distances, jacobian, sigma_middle, sigma_slope, student, gradient, information
+        state, prior, distances, jacobian, sigma_middle, sigma_slope, credence, student, gradient, information
     )
     damping = 1e-4
     for _ in range(max_iterations):
@@ -130,6 +133,7 @@ def maximise(
             jacobian,
             sigma_middle,
             sigma_slope,
+            credence,
             student,
             trial_gradient,
             trial_information,
@@ -145,10 +149,79 @@ def maximise(
         else:
             damping *= 10.0
     linearise(state, mount, moments, directions, rays, distances, jacobian)
-    spread = 1.0
-    if count:
-        spread = np.median(np.abs(0.5 * (distances[:, 0] + distances[:, 1]) / sigma_middle)) / _NORMAL_MAD
-    return state, covariance_of(information), spread
+    covariance = covariance_of(information)
+    return state, covariance, _spread(distances, jacobian, sigma_middle, covariance)
+
+
+@njit(cache=True, nogil=True)
+def _spread(distances: Array, jacobian: Array, sigma_middle: Array, covariance: Array) -> float:
+    """Median deviation of the lines' middles over that expected, of a normal distribution; 1 without lines.
+
+    The fit itself takes a share of each residual, the leverage of its line.
+    """
+    count = len(distances)
+    if count == 0:
+        return 1.0
+    residuals = np.empty(count)
+    for k in range(count):
+        row = 0.5 * (jacobian[k, 0] + jacobian[k, 1]) / sigma_middle[k]
+        left = max(1.0 - _product(row, covariance, row), _LEAST_LEFT)
+        residuals[k] = abs(0.5 * (distances[k, 0] + distances[k, 1])) / (sigma_middle[k] * math.sqrt(left))
+    return np.median(residuals) / _NORMAL_MAD
+
+
+@njit(cache=True, nogil=True)
+def shifts(
+    state: Array, covariance: Array, mount: Array, moments: Array, directions: Array, rays: Array
+) -> Array:
+    """How far a state's uncertainty may shift each line at the worse of its two points, one deviation, (K,)."""
+    count = len(rays)
+    distances, jacobian = np.empty((count, 2)), np.empty((count, 2, STATES))
+    linearise(state, mount, moments, directions, rays, distances, jacobian)
+    result = np.empty(count)
+    for k in range(count):
+        first = _product(jacobian[k, 0], covariance, jacobian[k, 0])
+        second = _product(jacobian[k, 1], covariance, jacobian[k, 1])
+        result[k] = math.sqrt(max(first, second, 0.0))
+    return result
+
+
+@njit(cache=True, nogil=True)
+def innovations(
+    state: Array,
+    covariance: Array,
+    mount: Array,
+    moments: Array,
+    directions: Array,
+    rays: Array,
+    sigma_middle: Array,
+    sigma_slope: Array,
+) -> Array:
+    """Normalised squared innovations (K,) of offset and slope, against noise and the state's uncertainty."""
+    count = len(rays)
+    distances, jacobian = np.empty((count, 2)), np.empty((count, 2, STATES))
+    linearise(state, mount, moments, directions, rays, distances, jacobian)
+    result = np.empty(count)
+    for k in range(count):
+        offset, turn = 0.5 * (distances[k, 0] + distances[k, 1]), 0.5 * (distances[k, 1] - distances[k, 0])
+        middle, slope = 0.5 * (jacobian[k, 0] + jacobian[k, 1]), 0.5 * (jacobian[k, 1] - jacobian[k, 0])
+        a = _product(middle, covariance, middle) + sigma_middle[k] ** 2
+        b = _product(middle, covariance, slope)
+        c = _product(slope, covariance, slope) + sigma_slope[k] ** 2
+        result[k] = (c * offset * offset - 2.0 * b * offset * turn + a * turn * turn) / (a * c - b * b)
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _product(left: Array, matrix: Array, right: Array) -> float:
+    """left . matrix . right, of vectors (10,)."""
+    total = 0.0
+    for i in range(STATES):
+        row = 0.0
+        for j in range(STATES):
+            row += matrix[i, j] * right[j]
+        total += left[i] * row
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -169,6 +242,7 @@ def _normal_equations(
     jacobian: Array,
     sigma_middle: Array,
     sigma_slope: Array,
+    credence: Array,
     student: float,
     gradient: Array,
     information: Array,
@@ -187,8 +261,8 @@ def _normal_equations(
             sign = 1.0 if part == 0 else -1.0
             over = 0.5 / (sigma_middle[k] if part == 0 else sigma_slope[k])
             residual = (distances[k, 1] + sign * distances[k, 0]) * over
-            weight = (student + 1.0) / (student + residual * residual)
-            cost += 0.5 * (student + 1.0) * math.log1p(residual * residual / student)
+            weight = credence[k] * (student + 1.0) / (student + residual * residual)
+            cost += 0.5 * credence[k] * (student + 1.0) * math.log1p(residual * residual / student)
             for i in range(STATES):
                 row[i] = (jacobian[k, 1, i] + sign * jacobian[k, 0, i]) * over
             for i in range(STATES):

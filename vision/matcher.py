@@ -21,6 +21,7 @@ from vision.hypotheses import HypothesisConfig, couple_hypotheses, grid_hypothes
 from vision.images import GreyImage
 from vision.linefield import FieldConfig, field_scores, line_field
 from vision.lines import ImageSegments, LineConfig, extract_segments
+from vision.lookalikes import with_lookalikes
 from vision.measurements import measured_lines
 from vision.projection import Prediction, Projector
 from vision.refinement import Candidate, RefinementConfig, Scene, refine_poses
@@ -28,8 +29,8 @@ from vision.viewpoints import Viewpoints, viewpoints_in
 
 #: How far edges are, for how much a step of the robot may bring into the image.
 _TYPICAL_RANGE_M = 2.0
-#: Poses that differ by less than this look alike from a few metres.
-_CELL_M, _CELL_RAD = 0.1, 0.026
+#: Poses look alike until edges this far away have moved by so many gates.
+_FAR_M, _APART_GATES = 4.0, 3.0
 #: A refined pose may leave its window by this; the regions of a window are asked for as much more.
 _MARGIN_M = 0.1
 
@@ -43,6 +44,10 @@ class MatcherConfig:
     coarse: FieldConfig = field(default_factory=FieldConfig)
     refinement: RefinementConfig = field(default_factory=RefinementConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)
+    #: Where nothing but the image says where the robot is, it must say so more clearly.
+    lost: DecisionConfig = field(
+        default_factory=lambda: DecisionConfig(tried_weight=3.0, max_rival_odds=0.01)
+    )
     #: A window wider than this in heading, to either side, is searched slice by slice.
     slice_rad: float = 0.6
     #: A window larger than this is searched over the whole floor, headings first.
@@ -64,9 +69,13 @@ class MatcherConfig:
         Real edges are none of that: the defaults allow for neighbours taken for the right edge, for looks at one edge
         that are not independent, and for maps that are better or worse than they say.
         """
+        decision = DecisionConfig(
+            min_score=5.0, tried_weight=1.0, min_matched=3, score_temper=1.0, max_rival_odds=0.01
+        )
         return cls(
             refinement=RefinementConfig(edge_model_px=0.0, student=30.0, spread_limits=(1.0, 1.0)),
-            decision=DecisionConfig(min_score=5.0, min_matched=3, score_temper=1.0),
+            decision=decision,
+            lost=decision,
             # A handful of lines says little about the heading: all of them are tried.
             floor=GlobalConfig(votes_share=0.0, kept=600, refined=60),
         )
@@ -105,7 +114,7 @@ class LineMatcher:
 
     def match_segments(self, segments: ImageSegments, stamp_ns: int, window: SearchWindow) -> Outcome:
         """Match extracted segments inside a window: the paper's chain, from selection to verification."""
-        look = Look(lines_px=segments.raw_px)
+        look = Look(lines_px=segments.raw_px, polarity=segments.polarity)
         if len(segments) < self.config.decision.min_matched:
             return NoFix(Reason.TOO_FEW_SEGMENTS, look)
         wide = window.dt_m > self.config.wide_m
@@ -113,15 +122,19 @@ class LineMatcher:
         rows, look, hypotheses, scores = search(segments, window, look)
         if look.selected < self.config.decision.min_matched:
             return NoFix(Reason.NOTHING_VISIBLE, look)
-        look = replace(look, hypotheses=len(hypotheses))
         starts = self._best_that_differ(hypotheses, scores, self._refined(window))
+        look = replace(look, hypotheses=len(hypotheses), refined=len(starts))
         lines = measured_lines(segments, self.camera.focal_px, self.config.refinement.edge_model_px)
-        refined = refine_poses(Scene(self.projector, rows, lines), starts, stamp_ns, self.config.refinement)
+        scene = Scene(self.projector, rows, lines)
+        refined = refine_poses(scene, starts, stamp_ns, self.config.refinement)
+        if wide:
+            refined = with_lookalikes(scene, refined, stamp_ns, self.config.refinement)
         candidates = [candidate for candidate in refined if _may_lie_in(window, candidate.belief)]
         if not candidates:
             return NoFix(Reason.NO_HYPOTHESIS, look)
         look = self._looked_at(candidates[0], look)
-        return decide(candidates, look, self._different_poses(window), self.config.decision)
+        tried = self._different_poses(window, candidates[0].gate_px)
+        return decide(candidates, look, tried, self.config.lost if wide else self.config.decision)
 
     def _search_window(
         self, segments: ImageSegments, window: SearchWindow, look: Look
@@ -165,10 +178,15 @@ class LineMatcher:
         near = window.dt_m <= self.config.near_m and window.dphi_rad <= self.config.near_rad
         return min(self.config.refined_near, self.config.refined) if near else self.config.refined
 
-    def _different_poses(self, window: SearchWindow) -> float:
-        """How many poses of a window an image can tell apart, at least one."""
+    def _different_poses(self, window: SearchWindow, gate_px: float) -> float:
+        """How many poses of a window an image can tell apart, at least one: edges leave their gates in between."""
+        apart_rad = _APART_GATES * gate_px / self.camera.focal_px
+        apart_m = _FAR_M * apart_rad
         area = min(math.pi * window.dt_m**2, self.wire_map.floor.area)
-        return max(area / _CELL_M**2, 1.0) * max(2.0 * window.dphi_rad / _CELL_RAD, 1.0)
+        number = max(area / apart_m**2, 1.0) * max(2.0 * window.dphi_rad / apart_rad, 1.0)
+        if window.ellipsoid is None:
+            return number
+        return max(min(number, window.ellipsoid.volume / (apart_m**2 * apart_rad)), 1.0)
 
     def _selected(self, window: SearchWindow) -> NDArray[np.int64]:
         """The segments that can be seen from somewhere in the window."""
@@ -205,7 +223,7 @@ class LineMatcher:
         half = window.dphi_rad / number
         offsets = half * (2.0 * np.arange(number) - (number - 1))
         x, y, phi = window.centre.as_array()
-        return [SearchWindow(Pose2(x, y, phi + offset), window.dt_m, half) for offset in offsets]
+        return [replace(window, centre=Pose2(x, y, phi + offset), dphi_rad=half) for offset in offsets]
 
     def _predicted(self, window: SearchWindow, rows: NDArray[np.int64]) -> Prediction:
         """The segments that may be seen from the window, as they appear from its centre."""
@@ -246,7 +264,8 @@ class LineMatcher:
 def _may_lie_in(window: SearchWindow, belief: PoseBelief) -> bool:
     """Whether the belief's ellipse of three standard deviations reaches into the window."""
     away = belief.pose.minus(window.centre)
-    return (
+    near = (
         math.hypot(away[0], away[1]) <= window.dt_m + 3.0 * belief.position_std_m
         and abs(away[2]) <= window.dphi_rad + 3.0 * belief.heading_std_rad
     )
+    return near and (window.ellipsoid is None or window.ellipsoid.may_hold(belief))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,6 +19,7 @@ class LineMeasurements:
     `sigma_middle_px`, `sigma_slope_px`: (M,) standard deviations of the half sum and of the half difference of
     the points' distances from a true line. `ends_px`: (M, 2, 2) and `lengths_px`: (M,) of the line itself.
     `along`: (M, 2) its unit direction, `polarity`: (M,) +1 brighter on the right looking along it, else -1.
+    `typical_px`: median of `sigma_middle_px`.
     """
 
     rays: Array
@@ -28,6 +29,11 @@ class LineMeasurements:
     lengths_px: Array
     along: Array
     polarity: Array
+    typical_px: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        middle = self.sigma_middle_px
+        object.__setattr__(self, "typical_px", float(np.median(middle)) if len(middle) else 0.0)
 
     def __len__(self) -> int:
         return len(self.rays)

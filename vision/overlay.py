@@ -34,6 +34,15 @@ def matched_png(image: GreyImage, look: Look) -> bytes:
     Matched lines green to red by their residual, predicted edges that were not found in pale blue, dashed, and lines
     that no edge claims in grey.
     """
+    return bytes(cv2.imencode(".png", _matched(image, look))[1])
+
+
+def matched_jpeg(image: GreyImage, look: Look, quality: int = 70) -> bytes:
+    """Return the same as a JPEG, a tenth as large: for pages with several."""
+    return bytes(cv2.imencode(".jpg", _matched(image, look), [cv2.IMWRITE_JPEG_QUALITY, quality])[1])
+
+
+def _matched(image: GreyImage, look: Look) -> cv2.typing.MatLike:
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     loose = np.setdiff1d(np.arange(len(look.lines_px)), look.matched_image)
     for ends in look.lines_px[loose]:
@@ -44,7 +53,7 @@ def matched_png(image: GreyImage, look: Look) -> bytes:
         off = min(residual / _OFF_PX, 1.0)
         colour = tuple(int((1.0 - off) * a + off * b) for a, b in zip(_CLOSE, _OFF, strict=True))
         _line(canvas, look.lines_px[line], colour, 2)
-    return bytes(cv2.imencode(".png", canvas)[1])
+    return canvas
 
 
 def _line(canvas: cv2.typing.MatLike, ends: Array, colour: tuple[int, ...], width: int) -> None:

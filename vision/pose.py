@@ -21,7 +21,7 @@ import numpy as np
 
 from maps.poses import Array, Pose2
 from vision.camera import Camera
-from vision.linecost import STATES, covariance_of, linearise, maximise
+from vision.linecost import STATES, covariance_of, innovations, linearise, maximise, shifts
 
 #: Degrees of freedom of the residuals' Student distribution where nobody says: its weights fall off with the
 #: square of the distance, so a neighbouring edge taken for the right one hardly pulls. Gaussian noise has many.
@@ -38,6 +38,7 @@ class LineObservations:
     apart about the place where the errors of offset and direction are independent.
     `sigma_middle_px`, `sigma_slope_px`: (K,) standard deviations of the half sum and of the half difference
     of the two points' distances from the predicted line: image noise, and the map's own uncertainty.
+    `credence`: (K,) how likely each pair is right, which its log likelihood is multiplied with; all 1 if not given.
     """
 
     moments: Array
@@ -45,6 +46,7 @@ class LineObservations:
     rays: Array
     sigma_middle_px: Array
     sigma_slope_px: Array
+    credence: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,20 +105,23 @@ def estimate_pose(
         seen.rays,
         seen.sigma_middle_px,
         seen.sigma_slope_px,
+        np.ones(len(seen.rays)) if seen.credence is None else seen.credence,
         student,
         max_iterations,
     )
     return PoseEstimate(Pose2.from_array(state[:3]), state, covariance, float(spread))
 
 
-def predicted_sigma_px(estimate: PoseEstimate, camera: Camera, lines: LineObservations) -> Array:
+def predicted_sigma_px(
+    estimate: PoseEstimate, camera: Camera, moments: Array, directions: Array, rays: Array
+) -> Array:
     """Return how far the estimate's own uncertainty may shift each of K predicted lines, one deviation, (K,).
 
-    At the worse of the line's two points; the observations' deviations are not used.
+    At the worse of the line's two points, `rays` (K, 2, 3); see `LineObservations` for the arrays.
     """
-    _, jacobian = distances_and_jacobian(estimate.state, camera, lines)
-    variance = ((jacobian @ estimate.state_covariance) * jacobian).sum(axis=2)
-    result: Array = np.sqrt(np.maximum(variance.max(axis=1, initial=0.0), 0.0))
+    result: Array = shifts(
+        estimate.state, estimate.state_covariance, _mount(camera), moments, directions, rays
+    )
     return result
 
 
@@ -125,13 +130,16 @@ def squared_innovations(estimate: PoseEstimate, camera: Camera, seen: LineObserv
 
     Of offset and direction together, against the noise and the estimate's own uncertainty.
     """
-    distances, jacobian = distances_and_jacobian(estimate.state, camera, seen)
-    innovation, slopes = _middle_and_slope(distances), _middle_and_slope(jacobian)
-    covariance = slopes @ estimate.state_covariance @ slopes.transpose(0, 2, 1)
-    covariance[:, 0, 0] += seen.sigma_middle_px**2
-    covariance[:, 1, 1] += seen.sigma_slope_px**2
-    solved = np.linalg.solve(covariance, innovation[:, :, None])[:, :, 0]
-    result: Array = (innovation * solved).sum(axis=1)
+    result: Array = innovations(
+        estimate.state,
+        estimate.state_covariance,
+        _mount(camera),
+        seen.moments,
+        seen.directions,
+        seen.rays,
+        seen.sigma_middle_px,
+        seen.sigma_slope_px,
+    )
     return result
 
 
@@ -175,8 +183,3 @@ def _mount(camera: Camera) -> Array:
     return np.array(
         [mount.x_m, mount.y_m, mount.height_m, mount.pitch_down_rad, mount.roll_rad, mount.yaw_rad]
     )
-
-
-def _middle_and_slope(ends: Array) -> Array:
-    """Turn values at two points, (K, 2, ...), into their half sum and half difference, (K, 2, ...)."""
-    return np.stack([ends[:, 0] + ends[:, 1], ends[:, 1] - ends[:, 0]], axis=1) * 0.5

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from maps.outcomes import PoseBelief
 from maps.poses import Array, Pose2
+from vision.accidents import accidental_share, credence
 from vision.association import GATE_SIGMAS, Matches, associate
 from vision.measurements import LineMeasurements
-from vision.pose import LineObservations, PoseEstimate, estimate_pose, predicted_sigma_px, squared_innovations
+from vision.pose import PoseEstimate, estimate_pose, predicted_sigma_px, squared_innovations
 from vision.projection import Prediction, Projector
 from vision.scoring import EvidenceConfig, log_likelihood_ratio
+from vision.weighing import map_deviations_px, observations
 
 #: Fewer different segments than this do not fix a planar pose.
 _MIN_SEGMENTS = 3
@@ -39,6 +41,8 @@ class RefinementConfig:
     student: float = 3.0
     #: How much better or worse than promised, as a factor, lines may turn out to fit.
     spread_limits: tuple[float, float] = (0.3, 1.5)
+    #: So many lines it takes to say it as loudly as the map and the extraction do.
+    spread_prior: float = 6.0
     #: Optima nearer than this to a better one are the same.
     same_m: float = 0.005
     same_rad: float = 0.002
@@ -53,6 +57,7 @@ class Candidate:
     predicted: Prediction
     matches: Matches
     score: float
+    gate_px: float
 
     @property
     def matched_segments(self) -> int:
@@ -75,6 +80,18 @@ class Trial:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """What a trial predicts, and the image's lines paired with it.
+
+    `map_px`: (P,) what the map's uncertainty makes of each predicted piece, one standard deviation.
+    """
+
+    predicted: Prediction
+    matches: Matches
+    map_px: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """What refinement works on: a map through a camera, the segments `rows` that may be visible, an image's lines."""
 
@@ -82,39 +99,54 @@ class Scene:
     rows: NDArray[np.int64]
     lines: LineMeasurements
 
-    def matched(self, trial: Trial, pose_px: float) -> tuple[Prediction, Matches]:
+    def view(self, trial: Trial, pose_px: float) -> View:
         """Predict from a trial's pose, and pair what is predicted with the image's lines.
 
         `pose_px`: how far the pose may still shift the picture. Before the first estimate the camera may, too.
         """
-        predicted = self.projector.predict(trial.pose, self.rows, deviations=trial.deviations)
-        polarity = self.projector.wire_map.polarity[predicted.rows]
-        place_px = trial.spread * self.map_px(predicted)
+        projector, lines = self.projector, self.lines
+        predicted = projector.predict(trial.pose, self.rows, deviations=trial.deviations)
+        polarity = projector.wire_map.polarity[predicted.rows]
+        map_px = map_deviations_px(projector, predicted)
+        place_px = trial.spread * map_px
         if trial.estimate is None:
-            pose_px = math.hypot(pose_px, self.projector.camera.shift_px)
-            return predicted, associate(predicted, self.lines, pose_px, place_px, polarity)
+            pose_px = math.hypot(pose_px, projector.camera.shift_px)
+            return View(predicted, associate(predicted, lines, pose_px, place_px, polarity), map_px)
         place_px = np.hypot(place_px, self.estimate_px(trial.estimate, predicted))
-        matches = associate(predicted, self.lines, pose_px, place_px, polarity)
-        seen = observations(self, predicted, matches, trial.spread, pose_px)
-        innovations = squared_innovations(trial.estimate, self.projector.camera, seen)
-        return predicted, matches[innovations <= _GATE_CHI2]
+        matches = associate(predicted, lines, pose_px, place_px, polarity)
+        seen = observations(projector, lines, predicted, matches, map_px, trial.spread, pose_px)
+        innovations = squared_innovations(trial.estimate, projector.camera, seen)
+        return View(predicted, matches[innovations <= _GATE_CHI2], map_px)
 
     def estimate_px(self, estimate: PoseEstimate, predicted: Prediction) -> Array:
         """Return how far an estimate's uncertainty may shift the predicted pieces, (P,), in pixels, within reason."""
-        camera, count = self.projector.camera, len(predicted)
-        rays = np.concatenate([predicted.ideal_px, np.full((count, 2, 1), camera.focal_px)], axis=2)
-        moments, directions = (
-            self.projector.moments[predicted.rows],
-            self.projector.directions[predicted.rows],
-        )
-        drawn = LineObservations(moments, directions, rays, np.ones(count), np.ones(count))
-        return np.minimum(predicted_sigma_px(estimate, camera, drawn), _MOST_SHIFT_PX)
+        camera, rows = self.projector.camera, predicted.rows
+        rays = np.full((len(predicted), 2, 3), camera.focal_px)
+        rays[:, :, :2] = predicted.ideal_px
+        drawn = (self.projector.moments[rows], self.projector.directions[rows], rays)
+        return np.minimum(predicted_sigma_px(estimate, camera, *drawn), _MOST_SHIFT_PX)
 
-    def map_px(self, predicted: Prediction) -> Array:
-        """Return what the map's uncertainty makes in the image, one standard deviation, pixels (P,)."""
-        sigma = self.projector.wire_map.sigma_m[predicted.rows]
-        result: Array = 2.0 * self.projector.camera.focal_px * sigma / predicted.depths_m.sum(axis=1)
+    def gates_px(self, view: View, spread: float, config: RefinementConfig) -> Array:
+        """Return how far off a line may at last lie from its piece, (P,)."""
+        least = math.hypot(config.pose_px[-1], self.lines.typical_px)
+        result: Array = GATE_SIGMAS * np.hypot(least, spread * view.map_px)
         return result
+
+    def rates(self, view: View, config: RefinementConfig) -> Array:
+        """Return how often each predicted piece shows in an image, (P,)."""
+        return config.evidence.rates(self.projector.wire_map.detection_rate[view.predicted.rows])
+
+    def credence(self, view: View, spread: float, config: RefinementConfig) -> Array:
+        """Return how likely each pair is right, (K,): in wide gates among many lines, not very."""
+        gates, pieces = self.gates_px(view, spread, config), view.matches.pieces
+        accidents = accidental_share(view.predicted, self.lines, gates, self.projector.camera.area_px)
+        return credence(
+            view.matches,
+            gates[pieces] / GATE_SIGMAS,
+            self.rates(view, config)[pieces],
+            (accidents / (2.0 * gates))[pieces],
+            config.student,
+        )
 
 
 def refine_poses(
@@ -133,69 +165,53 @@ def refine_poses(
 
 def _improve(scene: Scene, trial: Trial, pose_px: float, config: RefinementConfig) -> Trial | None:
     """Match and estimate once; None where too little matches."""
-    predicted, matches = scene.matched(trial, pose_px)
+    view = scene.view(trial, pose_px)
+    predicted, matches, lines = view.predicted, view.matches, scene.lines
     if len(set(predicted.rows[matches.pieces].tolist())) < _MIN_SEGMENTS:
         return None
-    seen = observations(scene, predicted, matches, trial.spread)
+    credence = scene.credence(view, trial.spread, config)
+    seen = observations(
+        scene.projector, lines, predicted, matches, view.map_px, trial.spread, credence=credence
+    )
     camera = scene.projector.camera
     estimate = estimate_pose(trial.pose, camera, seen, config.student, deviations=trial.deviations)
-    spread = min(max(trial.spread * estimate.spread, config.spread_limits[0]), config.spread_limits[1])
+    spread = _believed_spread(trial.spread * estimate.spread, len(matches), config)
     return Trial(
         estimate.pose,
         estimate.state[3:],
         spread,
-        float(scene.lines.lengths_px[matches.lines].sum()),
+        float(lines.lengths_px[matches.lines].sum()),
         estimate,
     )
+
+
+def _believed_spread(measured: float, lines: int, config: RefinementConfig) -> float:
+    """The spread after so many lines, within limits: the mean of a scaled inverse chi-square posterior."""
+    prior, (low, high) = config.spread_prior, config.spread_limits
+    believed = math.sqrt((prior + lines * measured**2) / (prior + lines))
+    return min(max(believed, low), high)
 
 
 def _judge(scene: Scene, trial: Trial, stamp_ns: int, config: RefinementConfig) -> Candidate:
     """Weigh a refined pose by all that should be seen from it."""
     assert trial.estimate is not None
-    predicted, matches = scene.matched(trial, config.pose_px[-1])
-    sigma = observations(scene, predicted, matches, trial.spread).sigma_middle_px
-    lines, camera = scene.lines, scene.projector.camera
-    line_px = float(np.median(lines.sigma_middle_px))
-    map_px = trial.spread * scene.map_px(predicted)
-    gates = GATE_SIGMAS * np.sqrt(map_px**2 + config.pose_px[-1] ** 2 + line_px**2)
+    view = scene.view(trial, config.pose_px[-1])
+    predicted, matches, lines = view.predicted, view.matches, scene.lines
+    seen = observations(scene.projector, lines, predicted, matches, view.map_px, trial.spread)
+    gates = scene.gates_px(view, trial.spread, config)
     score = log_likelihood_ratio(
         predicted,
         matches,
         lines,
-        scene.projector.wire_map.detection_rate[predicted.rows],
+        scene.rates(view, config),
         gates,
-        sigma,
-        float(camera.width * camera.height),
+        seen.sigma_middle_px,
+        scene.projector.camera.area_px,
         config.student,
         config.evidence,
     )
-    return Candidate(PoseBelief(stamp_ns, trial.pose, trial.estimate.covariance), predicted, matches, score)
-
-
-def observations(
-    scene: Scene, predicted: Prediction, matches: Matches, spread: float = 1.0, pose_px: float = 0.0
-) -> LineObservations:
-    """Return the matched pairs as the estimator weighs them: image noise, and the map's own uncertainty.
-
-    `spread` scales both: a map that fits the image better than it promised is believed. `pose_px`: what else may
-    shift the picture.
-    """
-    projector, lines = scene.projector, scene.lines
-    rows = predicted.rows[matches.pieces]
-    # The fragments of one segment share the error of its place in the map.
-    fragments = np.bincount(matches.pieces, minlength=len(predicted))[matches.pieces]
-    map_px = scene.map_px(predicted)[matches.pieces] * np.sqrt(fragments)
-    share = lines.lengths_px[matches.lines] / predicted.lengths_px[matches.pieces]
-    map_slope_px = map_px * np.minimum(share, 1.0)
-    return LineObservations(
-        moments=projector.moments[rows],
-        directions=projector.directions[rows],
-        rays=lines.rays[matches.lines],
-        sigma_middle_px=np.hypot(pose_px, spread * np.hypot(lines.sigma_middle_px[matches.lines], map_px)),
-        sigma_slope_px=np.hypot(
-            pose_px, spread * np.hypot(lines.sigma_slope_px[matches.lines], map_slope_px)
-        ),
-    )
+    belief = PoseBelief(stamp_ns, trial.pose, trial.estimate.covariance)
+    return Candidate(belief, predicted, matches, score, float(np.median(gates)))
 
 
 def _distinct(trials: list[Trial], config: RefinementConfig) -> list[Trial]:

@@ -25,7 +25,7 @@ def candidate(score: float, x: float = 0.0, phi: float = 0.0, matched: int = 10)
     nothing = np.zeros((matched, 2))
     view = Prediction(rows, np.zeros((matched, 2, 2)), nothing, np.zeros((matched, 3)), nothing)
     belief = PoseBelief(5, Pose2(x, 1.0, phi), COVARIANCE)
-    return Candidate(belief, view, Matches(rows, rows, nothing, nothing), score)
+    return Candidate(belief, view, Matches(rows, rows, nothing, nothing), score, gate_px=5.0)
 
 
 def test_one_good_candidate_is_the_fix() -> None:
@@ -46,7 +46,7 @@ def test_too_little_evidence_is_no_fix(weak: Candidate) -> None:
 
 
 def test_the_best_of_many_poses_needs_more_evidence() -> None:
-    many = math.exp(40.0 / CONFIG.score_temper)
+    many = math.exp(40.0 / CONFIG.tried_weight)
     for score, tried, enough in (
         (39.0, many, False),
         (41.0, many, True),
@@ -72,7 +72,7 @@ def test_a_far_weaker_rival_does_not() -> None:
 
 
 def test_many_weak_rivals_count_together() -> None:
-    rivals = [candidate(80.0 - 4.0 * np.log(300.0), x=1.0 + x) for x in range(5)]
+    rivals = [candidate(80.0 - 4.0 * np.log(60.0), x=1.0 + x) for x in range(5)]
     assert isinstance(decide([candidate(80.0), *rivals[:1]], Look(), TRIED, CONFIG), Fix)
     assert isinstance(decide([candidate(80.0), *rivals], Look(), TRIED, CONFIG), Ambiguous)
 

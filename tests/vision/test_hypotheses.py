@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from drawing import CAMERA, exact_lines, poses_inside, segments_at, window_around
 
-from maps.outcomes import SearchWindow
+from maps.outcomes import PoseEllipsoid, SearchWindow
 from maps.poses import Array, Pose2, wrap_angle
 from maps.wiremap import WireMap
 from vision.constraints import Correspondences, unary_correspondences
@@ -67,6 +68,39 @@ def test_hypotheses_lie_in_the_window_and_repeat(toy_map: WireMap) -> None:
     assert np.hypot(away[:, 0], away[:, 1]).max() <= window.dt_m + 1e-9
     assert np.abs(wrap_angle(away[:, 2])).max() <= window.dphi_rad + 1e-9
     assert within_a_cell(poses, pose)
+
+
+def test_hypotheses_keep_to_the_windows_ellipsoid(toy_map: WireMap) -> None:
+    pose, centre = Pose2(5.6, 1.5, math.pi - 0.02), Pose2(5.65, 1.45, -math.pi + 0.02)
+    disc = SearchWindow(centre, 0.4, math.radians(10.0))
+    # Long towards where the pose is, thin across.
+    way = np.array([-1.0, 1.0, 0.0]) / math.sqrt(2.0)
+    across = np.array([1.0, 1.0, 0.0]) / math.sqrt(2.0)
+    covariance = 0.02 * np.outer(way, way) + 0.0004 * np.outer(across, across) + np.diag([0.0, 0.0, 0.0008])
+    thin = SearchWindow(centre, disc.dt_m, disc.dphi_rad, PoseEllipsoid(centre, covariance, 9.0))
+    # A slice beside the middle is bound by the same ellipsoid.
+    beside = replace(thin, centre=Pose2(centre.x, centre.y, centre.phi - 0.05), dphi_rad=0.05)
+    found = cluttered_pairs(toy_map, pose, disc, np.random.default_rng(13))
+    for window in (thin, beside):
+        assert window.ellipsoid is not None
+        whole = replace(window, ellipsoid=None)
+        couples = couple_hypotheses(CAMERA, found, window, CONFIG)
+        assert 0 < len(couples) < len(couple_hypotheses(CAMERA, found, whole, CONFIG))
+        assert window.ellipsoid.holds(couples).all()
+        # The grid goes on for half a step.
+        assert 0 < len(grid_of(window)) < len(grid_of(whole))
+        draws = np.random.default_rng(18).multivariate_normal(centre.as_array(), covariance, 200)
+        for place in draws:
+            if window.holds(Pose2.from_array(place)):
+                gap = np.abs(wrap_angle(grid_of(window) - place))
+                near = np.hypot(gap[:, 0], gap[:, 1]) <= CONFIG.grid_m
+                assert (gap[near, 2] <= CONFIG.grid_rad).any()
+    assert within_a_cell(couple_hypotheses(CAMERA, found, thin, CONFIG), pose)
+    assert (np.abs(grid_of(thin) - centre.as_array()).max(axis=1) < 1e-12).any()
+
+
+def grid_of(window: SearchWindow) -> Array:
+    return grid_hypotheses(window, CONFIG)
 
 
 def test_a_sample_of_too_many_couples_repeats_and_still_finds_the_pose(toy_map: WireMap) -> None:

@@ -71,7 +71,8 @@ def seen_in(world: str) -> Sightings:
 
 
 def learnt_in(wire_map: WireMap, world: str) -> LearntMap:
-    return learn(wire_map, seen_in(world), LearningConfig())
+    # Six looks are enough here: what is drawn is even.
+    return learn(wire_map, seen_in(world), LearningConfig(polarity_share=0.8))
 
 
 def suspicious(wire_map: WireMap, learnt: LearntMap, fault: Fault) -> dict[str, Array]:
@@ -88,6 +89,33 @@ def test_the_bright_side_is_learnt(toy_map: WireMap, panel: str, edge: str, side
     # Panels are darker than their wall, and run from right to left as one looks at them.
     row = toy_map.names.index(f"{panel}/{edge}")
     assert learnt_in(toy_map, "as mapped").polarity[row] == side
+
+
+@pytest.mark.parametrize(
+    ("brighter", "side"),
+    [([1] * 8, 1), ([-1] * 8, -1), ([1] * 7, 0), ([1] * 17 + [-1], 1), ([1] * 16 + [-1], 0), ([0] * 9, 0)],
+)
+def test_a_side_is_told_where_nearly_all_of_many_looks_agree(
+    toy_map: WireMap, brighter: list[int], side: int
+) -> None:
+    count = len(brighter)
+    nothing = np.zeros(0, np.int64)
+    looks = Sightings(
+        frames=np.arange(count),
+        rows=np.full(count, 3),
+        lengths_px=np.full(count, 80.0),
+        covered=np.abs(np.array(brighter, float)),
+        brighter=np.array(brighter, float),
+        line_frames=nothing,
+        line_rows=nothing,
+        off_px=np.zeros(0),
+        sigma_px=np.zeros(0),
+        pull=np.zeros((0, 3)),
+        at_place=np.zeros(0, bool),
+    )
+    learnt = learn(toy_map, looks, LearningConfig())
+    assert learnt.polarity[3] == side
+    assert not learnt.polarity[np.arange(len(toy_map)) != 3].any()
 
 
 def test_the_bright_side_follows_the_segment_turned_round(toy_map: WireMap) -> None:

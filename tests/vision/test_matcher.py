@@ -13,7 +13,7 @@ from drawing import BARREL, CAMERA, FISHEYE, draw, window_around
 from scipy.stats import chi2
 from toy_building import hall, toy_building
 
-from maps.outcomes import Ambiguous, Fix, Look, NoFix, Outcome, Reason, SearchWindow
+from maps.outcomes import Ambiguous, Fix, Look, NoFix, Outcome, PoseEllipsoid, Reason, SearchWindow
 from maps.poses import Pose2
 from maps.regions import ViewRegions, build_regions
 from maps.wiremap import WireMap
@@ -90,6 +90,29 @@ def test_over_the_wrap_of_the_heading(toy_map: WireMap) -> None:
     pose = Pose2(10.5, 1.5, math.pi - 0.01)
     window = SearchWindow(Pose2(10.4, 1.6, -math.pi + 0.05), *WINDOW)
     assert_right(LineMatcher(CAMERA, toy_map).match(picture(CAMERA, pose), 0, window), pose)
+
+
+@pytest.mark.parametrize("pose", POSES[:3])
+def test_an_ellipsoid_holds_the_fix_with_fewer_hypotheses_and_one_elsewhere_does_not(
+    toy_map: WireMap, pose: Pose2
+) -> None:
+    centre = pose @ Pose2(0.2, 0.02, 0.02)
+    cos, sin = math.cos(pose.phi), math.sin(pose.phi)
+    turning = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    disc = SearchWindow(centre, 0.4, math.radians(12.0))
+    long, wide = (
+        replace(
+            disc,
+            ellipsoid=PoseEllipsoid(centre, turning @ np.diag([*stds, 0.03]) ** 2 @ turning.T, 9.0),
+        )
+        for stds in ((0.1, 0.03), (0.03, 0.1))
+    )
+    image = picture(CAMERA, pose)
+    matcher = LineMatcher(CAMERA, toy_map)
+    whole, less = matcher.match(image, 0, disc), matcher.match(image, 0, long)
+    assert_right(less, pose)
+    assert less.look.hypotheses < whole.look.hypotheses
+    assert not isinstance(matcher.match(image, 0, wide), Fix)
 
 
 def test_a_narrow_window_around_the_pose_is_enough(toy_map: WireMap) -> None:

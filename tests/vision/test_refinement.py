@@ -18,8 +18,10 @@ from vision.association import Matches
 from vision.camera import Camera
 from vision.lines import ImageSegments
 from vision.measurements import measured_lines
+from vision.pose import LineObservations
 from vision.projection import Projector
-from vision.refinement import Candidate, RefinementConfig, Scene, Trial, observations, refine_poses
+from vision.refinement import Candidate, RefinementConfig, Scene, Trial, View, refine_poses
+from vision.weighing import observations
 
 CONFIG = RefinementConfig()
 POSE = Pose2(2.0, 5.5, -0.9)
@@ -110,7 +112,7 @@ def test_a_first_gate_is_wide_enough_for_a_doubtful_camera(
     lines = exact_lines(truth, Projector(truth, toy_map).predict(POSE, np.arange(len(toy_map))))
     scene = scene_of(Projector(replace(CAMERA, mount=mount), toy_map), lines)
     deviations = None if believed_rad is None else np.array([0.0, believed_rad, 0.0, 0.0, 0.0, 0.0, 0.0])
-    _, matches = scene.matched(Trial(POSE, deviations), 1.0)
+    matches = scene.view(Trial(POSE, deviations), 1.0).matches
     assert (len(matches) > 0.8 * len(lines)) == most_of_them
 
 
@@ -206,11 +208,17 @@ def test_trials_that_pair_far_less_than_the_best_go_no_further(tmp_path: Path) -
     assert np.abs(away(found[0], pose)).max() < 1e-3
 
 
+def weighed(scene: Scene, view: View, spread: float = 1.0) -> LineObservations:
+    """The pairs of a view as the estimator weighs them."""
+    return observations(scene.projector, scene.lines, view.predicted, view.matches, view.map_px, spread)
+
+
 def test_deviations_grow_with_the_spread_and_with_fragments(toy_map: WireMap) -> None:
     scene = exact_scene(CAMERA, toy_map, POSE)
-    predicted, matches = scene.matched(Trial(POSE), 2.0)
+    view = scene.view(Trial(POSE), 2.0)
+    predicted, matches = view.predicted, view.matches
     assert len(matches) == len(predicted)
-    seen = observations(scene, predicted, matches)
+    seen = weighed(scene, view)
     rows = predicted.rows[matches.pieces]
     np.testing.assert_allclose(seen.rays, scene.lines.rays[matches.lines])
     np.testing.assert_allclose(
@@ -221,7 +229,7 @@ def test_deviations_grow_with_the_spread_and_with_fragments(toy_map: WireMap) ->
     np.testing.assert_allclose(
         seen.sigma_middle_px, np.hypot(map_px, scene.lines.sigma_middle_px[matches.lines])
     )
-    wide = observations(scene, predicted, matches, 1.4)
+    wide = weighed(scene, view, spread=1.4)
     np.testing.assert_allclose(wide.sigma_middle_px, 1.4 * seen.sigma_middle_px)
     np.testing.assert_allclose(wide.sigma_slope_px, 1.4 * seen.sigma_slope_px)
 
@@ -232,7 +240,8 @@ def test_deviations_grow_with_the_spread_and_with_fragments(toy_map: WireMap) ->
     )
     line_px = scene.lines.sigma_middle_px[matches.lines[pick]]
     np.testing.assert_allclose(
-        observations(scene, predicted, twice).sigma_middle_px ** 2 - line_px**2, 2.0 * map_px[pick] ** 2
+        weighed(scene, replace(view, matches=twice)).sigma_middle_px ** 2 - line_px**2,
+        2.0 * map_px[pick] ** 2,
     )
 
 
@@ -245,11 +254,12 @@ def test_a_short_line_says_little_of_its_edges_slope(toy_map: WireMap) -> None:
     half = scene_of(scene.projector, segments_at(middle + 0.5 * (whole.ideal_px - middle)))
     parts = []
     for one in (scene, half):
-        predicted, matches = one.matched(Trial(POSE), 2.0)
+        view = one.view(Trial(POSE), 2.0)
+        matches = view.matches
         order = np.argsort(matches.pieces)
-        assert len(matches) == len(view)
+        assert len(matches) == len(whole)
         own = one.lines.sigma_slope_px[matches.lines]
-        parts.append((observations(one, predicted, matches).sigma_slope_px ** 2 - own**2)[order])
+        parts.append((weighed(one, view).sigma_slope_px ** 2 - own**2)[order])
     np.testing.assert_allclose(parts[1], 0.25 * parts[0], rtol=1e-6)
 
 

@@ -51,7 +51,7 @@ def weighed(
         predicted,
         matches,
         measured(lines),
-        wire_map.detection_rate[predicted.rows],
+        EvidenceConfig().rates(wire_map.detection_rate[predicted.rows]),
         np.full(len(predicted), gate_px),
         np.full(len(matches), 0.5),
         float(CAMERA.width * CAMERA.height),
@@ -133,7 +133,7 @@ def test_one_edge_is_worth_what_the_formula_says(toy_map: WireMap) -> None:
     lines = segments_at(np.array([[[-60.0, 10.7], [0.0, 10.7]]]))
     config = EvidenceConfig()
     rate, chance = config.detection_rate, config.min_chance
-    looks = 2.0 * np.log(rate / chance) + 2.0 * np.log((1.0 - rate) / (1.0 - chance))
+    looks = 2.0 * np.log((rate + (1.0 - rate) * chance) / chance) + 2.0 * np.log(1.0 - rate)
     closeness = np.log(2.0 * GATE_PX) + stats.t(3, scale=0.5).logpdf(0.7)
     assert evidence(toy_map, edge, lines) == pytest.approx(looks + closeness)
 

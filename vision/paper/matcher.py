@@ -161,6 +161,7 @@ class PaperMatcher:
         predicted = self.projector.predict(pose, found.selection.rows)
         look = Look(
             lines_px=segments.raw_px,
+            polarity=segments.polarity,
             predicted_px=self._raw_pixels(predicted),
             predicted_map=predicted.rows,
             selected=len(found.selection.rows),
