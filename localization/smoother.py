@@ -1,25 +1,35 @@
 """The whole trajectory at once: a factor graph over odometry and all fixes, robust to wrong ones.
 
-GTSAM's Pose2 tangent is in the body frame, so covariances are rotated into it on the way in and back
-on the way out.
+Nodes lie at the fixes and between them (`localization.spans`). Wrong fixes are found on motions with wide
+covariances; what odometry's systematic errors are comes last, and with them covariances that hold over
+gaps without fixes (`localization.lasting`).
 """
 
 from __future__ import annotations
 
 import logging
-import math
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+from typing import Annotated
 
 import gtsam
-import numpy as np
+from annotated_types import Gt
 
-from localization.ekf import Estimate, predict
-from localization.history import order_of
+from localization.factors import (
+    belief_of,
+    graph_of,
+    gtsam_pose,
+    motion_covariances,
+    motion_factors,
+    pose_factors,
+)
+from localization.lasting import Joint, JointConfig, joint_optimum
 from localization.odometry import OdometryStep
+from localization.spans import Span, between_nodes, spans_of
 from maps.outcomes import PoseBelief
-from maps.poses import Array, Pose2
+from maps.poses import Pose2
 
 logger = logging.getLogger(__name__)
 
@@ -29,32 +39,29 @@ class SmootherConfig:
     """How the graph is built and how wrong fixes are found.
 
     `node_spacing_s`: between fixes; dead reckoning bridges less than that without harm.
-    `huber`: residuals beyond so many standard deviations count linearly in the first pass (Huber's
-    95 % efficiency). `inlier_probability`: that a good fix stays inside the second pass's truncation.
-    `slip_share`: of what a slip would add to odometry's covariance. The graph knows neither slips nor errors
-    that last, so its odometry must be wide enough for some of both.
-    `least_m`, `least_rad`: standard deviation between nodes that keeps the graph well-conditioned.
+    `huber`: a fix off by more than so many standard deviations counts linearly: 96 % efficient where the three
+    components are Gaussian, and images' fixes have heavier tails than that. `inlier_probability`: that a good fix
+    stays inside the second pass's truncation.
+    `slip_share`: of what a slip would add to odometry's covariance while wrong fixes are looked for: they must
+    be gross ones, and no slip may make a right one look so.
     """
 
-    node_spacing_s: float = 0.25
-    huber: float = 1.345
+    node_spacing_s: Annotated[float, Gt(0.0)] = 0.25
+    huber: float = 1.8
     inlier_probability: float = 0.999
     slip_share: float = 0.2
-    least_m: float = 1e-3
-    least_rad: float = 1e-3
-
-
-#: Stands for the variance of what was not measured, [m^2].
-_UNMEASURED_M2 = 1e6
+    joint: JointConfig = field(default_factory=JointConfig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Span:
-    """Odometry from one node to the next: the steps' ends within, and the next node, seen from the first."""
+class Smoothed:
+    """What is known of a drive with hindsight.
 
-    start_ns: int
-    within: tuple[PoseBelief, ...]
-    end: PoseBelief
+    `beliefs`: at the initial stamp and at every step's end, in order. `refused`: fixes taken to be wrong.
+    """
+
+    beliefs: tuple[PoseBelief, ...]
+    refused: tuple[PoseBelief, ...] = ()
 
 
 def smooth(
@@ -63,68 +70,39 @@ def smooth(
     fixes: Sequence[PoseBelief],
     config: SmootherConfig | None = None,
     guess: Sequence[PoseBelief] = (),
-) -> list[PoseBelief]:
+) -> Smoothed:
     """Return the most probable beliefs at the initial stamp and at every step's end, given everything.
 
     All fixes belong here, those too that the filter refused; those before the initial stamp or after
-    the last step are left out. `guess`: the filter's beliefs in order of time, where the optimization
-    begins; without them it begins at dead reckoning, which an unknown initial heading does not allow.
+    the last step are left out. `initial` may have infinite variances. `guess`: the filter's beliefs in order
+    of time, where the optimization begins; without them it begins at dead reckoning, which an unknown
+    initial heading does not allow.
     Wrong fixes are found in two passes: Huber's loss, then graduated non-convexity with truncated
-    squares (Yang et al., RA-L 2020) and odometry as known inliers.
+    squares (Yang et al., RA-L 2020) and odometry as known inliers. Those left keep Huber's loss.
     """
     config = config or SmootherConfig()
-    spans = list(_spans(initial, steps, {fix.stamp_ns for fix in fixes}, config))
+    spans = spans_of(initial.stamp_ns, steps, config.node_spacing_s, (fix.stamp_ns for fix in fixes))
     if not spans:
-        return [initial]
+        return Smoothed((initial,))
     stamps = [initial.stamp_ns, *(span.end.stamp_ns for span in spans)]
     keys = {stamp_ns: key for key, stamp_ns in enumerate(stamps)}
-    inside = sorted((fix for fix in fixes if fix.stamp_ns in keys), key=order_of)
-    measured = [(keys[fix.stamp_ns], fix) for fix in inside]
-    start = _start_values(spans, guess or (initial,))
-    graph, values = _robust(_sure_factors(initial, spans, config), measured, start, config)
-    marginals = gtsam.Marginals(graph, values)
-    nodes = [_node(stamp_ns, key, values, marginals) for stamp_ns, key in keys.items()]
-    return [nodes[0], *_between_nodes(spans, nodes)]
+    measured = [(keys[fix.stamp_ns], fix) for fix in fixes if fix.stamp_ns in keys]
+    joint, refused = _robust(initial, spans, measured, start_values(spans, guess or (initial,)), config)
+    nodes = [
+        belief_of(stamp_ns, joint.values.atPose2(key), joint.covariance(key))
+        for stamp_ns, key in keys.items()
+    ]
+    return Smoothed((nodes[0], *between_nodes(spans, nodes)), tuple(refused))
 
 
-def _spans(
-    initial: PoseBelief, steps: Sequence[OdometryStep], fix_stamps: set[int], config: SmootherConfig
-) -> Iterator[_Span]:
-    """Chain the steps from node to node; nodes lie at the fixes, and often enough between them."""
-    ordered, spacing_ns = sorted(fix_stamps), config.node_spacing_s * 1e9
-    last = OdometryStep(initial.stamp_ns - 1, initial.stamp_ns, 0.0, 0.0, np.zeros((2, 2)))
-    start_ns, here, within = initial.stamp_ns, _origin(initial.stamp_ns), []
-    for piece in (piece for step in steps for piece in last.then(step)):
-        last = piece
-        first, end = bisect_right(ordered, piece.start_ns), bisect_right(ordered, piece.stamp_ns)
-        for cut_ns in sorted({*ordered[first:end], piece.stamp_ns}):
-            here = predict(here, piece.part(here.stamp_ns, cut_ns))
-            if cut_ns == piece.stamp_ns:
-                within.append(_loose(here, config))
-            if cut_ns in fix_stamps or cut_ns - start_ns >= spacing_ns:
-                yield _Span(start_ns, tuple(within), _loose(here, config))
-                start_ns, here, within = cut_ns, _origin(cut_ns), []
-    if within:
-        yield _Span(start_ns, tuple(within), _loose(here, config))
-
-
-def _loose(estimate: Estimate, config: SmootherConfig) -> PoseBelief:
-    covariance = estimate.covariance + config.slip_share * estimate.slip
-    return PoseBelief(estimate.stamp_ns, estimate.pose, covariance)
-
-
-def _origin(stamp_ns: int) -> Estimate:
-    return Estimate.of(PoseBelief(stamp_ns, Pose2(0.0, 0.0, 0.0), np.zeros((3, 3))))
-
-
-def _start_values(spans: Sequence[_Span], guess: Sequence[PoseBelief]) -> gtsam.Values:
+def start_values(spans: Sequence[Span], guess: Sequence[PoseBelief]) -> gtsam.Values:
     """Dead-reckon every node from the newest guess before it, or back from the first one."""
     stamps, reckoned = [spans[0].start_ns], [Pose2(0.0, 0.0, 0.0)]
     node = reckoned[0]
     for span in spans:
-        for belief in (*span.within, span.end):
-            stamps.append(belief.stamp_ns)
-            reckoned.append(node @ belief.pose)
+        for estimate in (*span.within, span.end):
+            stamps.append(estimate.stamp_ns)
+            reckoned.append(node @ estimate.pose)
         node = reckoned[-1]
     guessed = [belief.stamp_ns for belief in guess]
     values = gtsam.Values()
@@ -132,108 +110,72 @@ def _start_values(spans: Sequence[_Span], guess: Sequence[PoseBelief]) -> gtsam.
         near = guess[max(bisect_right(guessed, stamp_ns) - 1, 0)]
         then = reckoned[max(bisect_right(stamps, near.stamp_ns) - 1, 0)]
         now = reckoned[bisect_right(stamps, stamp_ns) - 1]
-        values.insert(key, _gtsam_pose(near.pose @ then.inverse() @ now))
+        values.insert(key, gtsam_pose(near.pose @ then.inverse() @ now))
     return values
 
 
-def _sure_factors(
-    initial: PoseBelief, spans: Sequence[_Span], config: SmootherConfig
-) -> list[gtsam.NonlinearFactor]:
-    """Tie node to node by odometry, and the first one to the initial belief."""
-    least = np.diag([config.least_m**2, config.least_m**2, config.least_rad**2])
-    factors = _pose_factors(0, initial)
-    for key, span in enumerate(spans):
-        noise = gtsam.noiseModel.Gaussian.Covariance(_in_body(span.end) + least)
-        factors.append(gtsam.BetweenFactorPose2(key, key + 1, _gtsam_pose(span.end.pose), noise))
-    return factors
-
-
-def _pose_factors(key: int, belief: PoseBelief, huber: float | None = None) -> list[gtsam.NonlinearFactor]:
-    """Tie a node to an absolute belief, in the components that it measured; robustly with `huber`."""
-
-    def noise(covariance: Array) -> gtsam.noiseModel.Base:
-        gaussian = gtsam.noiseModel.Gaussian.Covariance(covariance)
-        if huber is None:
-            return gaussian
-        return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Huber.Create(huber), gaussian)
-
-    pose, measured = _gtsam_pose(belief.pose), belief.measured
-    if measured.all():
-        return [gtsam.PriorFactorPose2(key, pose, noise(_in_body(belief)))]
-    factors: list[gtsam.NonlinearFactor] = []
-    if measured[:2].any():
-        # This factor's residual is in the map frame: no rotation.
-        known = np.where(np.isfinite(belief.covariance), belief.covariance, _UNMEASURED_M2)[:2, :2]
-        factors.append(gtsam.PoseTranslationPrior2D(key, pose, noise(known)))
-    if measured[2]:
-        factors.append(gtsam.PoseRotationPrior2D(key, pose, noise(belief.covariance[2:, 2:])))
-    return factors
-
-
 def _robust(
+    initial: PoseBelief,
+    spans: Sequence[Span],
+    fixes: Sequence[tuple[int, PoseBelief]],
+    start: gtsam.Values,
+    config: SmootherConfig,
+) -> tuple[Joint, list[PoseBelief]]:
+    """Find the wrong fixes, then the optimum of what is left; return it, and them."""
+    first, looked = pose_factors(0, initial), [key for key, _ in fixes]
+    values = huber_optimum(initial, spans, fixes, start, config)
+    doubted = [factor for key, fix in fixes for factor in pose_factors(key, fix, config.huber)]
+    joint = joint_optimum(graph_of([*first, *doubted]), spans, looked, values, config.joint)
+    if not fixes:
+        return joint, []
+    motions = [span.moved_by(own) for span, own in zip(spans, joint.parameters, strict=True)]
+    try:
+        trusted = _trusted([*first, *_motions(spans, motions, config)], fixes, joint.values, config)
+        right = [fixes[number] for number in trusted]
+        believed = (factor for key, fix in right for factor in pose_factors(key, fix, config.huber))
+        looks = graph_of([*first, *believed])
+        optimum = joint_optimum(looks, spans, [key for key, _ in right], joint.values, config.joint)
+        return optimum, [fix for number, (_, fix) in enumerate(fixes) if number not in trusted]
+    except RuntimeError as error:  # what GTSAM raises for an indeterminate system
+        logger.warning("smoothing stays with Huber's loss, the second pass failed: %s", error)
+        return joint, []
+
+
+def huber_optimum(
+    initial: PoseBelief,
+    spans: Sequence[Span],
+    fixes: Sequence[tuple[int, PoseBelief]],
+    start: gtsam.Values,
+    config: SmootherConfig,
+) -> gtsam.Values:
+    """Optimize with Huber's loss on the fixes; these come with the keys of their nodes."""
+    motions = [span.end.pose for span in spans]
+    doubted = [factor for key, fix in fixes for factor in pose_factors(key, fix, config.huber)]
+    graph = graph_of([*pose_factors(0, initial), *_motions(spans, motions, config), *doubted])
+    return gtsam.LevenbergMarquardtOptimizer(graph, start).optimize()
+
+
+def _trusted(
     sure: Sequence[gtsam.NonlinearFactor],
     fixes: Sequence[tuple[int, PoseBelief]],
     start: gtsam.Values,
     config: SmootherConfig,
-) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-    """Optimize twice; return the graph of what was believed at the end, and its optimum."""
-    doubted = [factor for key, fix in fixes for factor in _pose_factors(key, fix, config.huber)]
-    graph = _graph([*sure, *doubted])
-    values = gtsam.LevenbergMarquardtOptimizer(graph, start).optimize()
-    doubtful = [factor for key, fix in fixes for factor in _pose_factors(key, fix)]
-    if not doubtful:
-        return graph, values
+) -> list[int]:
+    """Return the numbers of the fixes that graduated non-convexity believes."""
+    parts = [pose_factors(key, fix) for key, fix in fixes]
     params = gtsam.GncLMParams()
     params.setKnownInliers(list(range(len(sure))))
-    try:
-        gnc = gtsam.GncLMOptimizer(_graph([*sure, *doubtful]), values, params)
-        gnc.setInlierCostThresholdsAtProbability(config.inlier_probability)
-        values_gnc = gnc.optimize()
-        weights = gnc.getWeights()[len(sure) :]
-        trusted = [factor for factor, weight in zip(doubtful, weights, strict=True) if weight > 0.5]
-        graph_gnc = _graph([*sure, *trusted])
-        return graph_gnc, gtsam.LevenbergMarquardtOptimizer(graph_gnc, values_gnc).optimize()
-    except RuntimeError as error:  # what GTSAM raises for an indeterminate system
-        logger.warning("smoothing stays with Huber's loss, the second pass failed: %s", error)
-        return graph, values
+    gnc = gtsam.GncLMOptimizer(graph_of([*sure, *chain.from_iterable(parts)]), start, params)
+    gnc.setInlierCostThresholdsAtProbability(config.inlier_probability)
+    gnc.optimize()
+    weights = iter(gnc.getWeights()[len(sure) :])
+    # A fix of several factors is believed as a whole.
+    least = [min((next(weights) for _ in factors), default=0.0) for factors in parts]
+    return [number for number, weight in enumerate(least) if weight > 0.5]
 
 
-def _graph(factors: Sequence[gtsam.NonlinearFactor]) -> gtsam.NonlinearFactorGraph:
-    graph = gtsam.NonlinearFactorGraph()
-    for factor in factors:
-        graph.add(factor)
-    return graph
-
-
-def _gtsam_pose(pose: Pose2) -> gtsam.Pose2:
-    return gtsam.Pose2(pose.x, pose.y, pose.phi)
-
-
-def _turning(phi: float) -> Array:
-    """Return map_from_body for (x, y, phi), shape (3, 3)."""
-    cos, sin = math.cos(phi), math.sin(phi)
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _in_body(belief: PoseBelief) -> Array:
-    """Return the belief's covariance in its own body frame."""
-    turning = _turning(belief.pose.phi)
-    return turning.T @ belief.covariance @ turning
-
-
-def _node(stamp_ns: int, key: int, values: gtsam.Values, marginals: gtsam.Marginals) -> PoseBelief:
-    pose = values.atPose2(key)
-    turning = _turning(pose.theta())
-    covariance = turning @ marginals.marginalCovariance(key) @ turning.T
-    return PoseBelief(stamp_ns, Pose2(pose.x(), pose.y(), pose.theta()), 0.5 * (covariance + covariance.T))
-
-
-def _between_nodes(spans: Sequence[_Span], nodes: Sequence[PoseBelief]) -> Iterator[PoseBelief]:
-    """Dead-reckon between the nodes, with what is left at the next node spread over the time."""
-    for span, first, second in zip(spans, nodes[:-1], nodes[1:], strict=True):
-        left = second.pose.minus(first.pose @ span.end.pose)
-        for belief in span.within:
-            share = (belief.stamp_ns - span.start_ns) / (span.end.stamp_ns - span.start_ns)
-            pose = Pose2.from_array((first.pose @ belief.pose).as_array() + share * left)
-            covariance = (1.0 - share) * first.covariance + share * second.covariance
-            yield PoseBelief(belief.stamp_ns, pose, covariance)
+def _motions(
+    spans: Sequence[Span], motions: Sequence[Pose2], config: SmootherConfig
+) -> list[gtsam.BetweenFactorPose2]:
+    """Tie node to node by odometry, as wide as it is with systematic errors that are not known."""
+    return motion_factors(motions, motion_covariances(spans, config.slip_share, known=False))
