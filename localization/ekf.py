@@ -18,6 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
+from numba import njit
 from scipy.stats import chi2
 
 from localization.motion import carried, moved
@@ -100,24 +101,43 @@ class Innovation:
     noise: Array
     slipped: bool = False
     nis: float = field(init=False)
+    #: The logarithm of the residual's density, but for a constant.
+    log_likelihood: float = field(init=False)
 
     def __post_init__(self) -> None:
-        nis = float(self.residual @ np.linalg.solve(self.covariance, self.residual))
+        nis, log_det = _squared_length(self.residual, self.covariance)
         object.__setattr__(self, "nis", nis)
+        object.__setattr__(self, "log_likelihood", -0.5 * (nis + log_det))
 
     @property
     def dof(self) -> int:
         """How many components the fix measured."""
         return len(self.residual)
 
-    @property
-    def log_likelihood(self) -> float:
-        """The logarithm of the residual's density, but for a constant."""
-        return -0.5 * (self.nis + float(np.linalg.slogdet(self.covariance)[1]))
-
     def inside(self, probability: float) -> bool:
         """Tell whether the residual lies within the ellipse that holds this probability."""
         return self.nis <= quantile(probability, self.dof)
+
+
+@njit(cache=True, nogil=True)
+def _squared_length(residual: Array, covariance: Array) -> tuple[float, float]:
+    """Return r' S^-1 r, and the logarithm of S's determinant, by Cholesky's factors of S."""
+    size = len(residual)
+    root, whitened = np.zeros((size, size)), np.empty(size)
+    squared, log_det = 0.0, 0.0
+    for i in range(size):
+        left = residual[i]
+        for j in range(i + 1):
+            rest = covariance[i, j]
+            for k in range(j):
+                rest -= root[i, k] * root[j, k]
+            root[i, j] = math.sqrt(rest) if i == j else rest / root[j, j]
+            if j < i:
+                left -= root[i, j] * whitened[j]
+        whitened[i] = left / root[i, i]
+        squared += whitened[i] ** 2
+        log_det += 2.0 * math.log(root[i, i])
+    return squared, log_det
 
 
 class _ArcFilter(ExtendedKalmanFilter):  # type: ignore[misc]

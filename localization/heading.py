@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from localization.ekf import quantile
-from localization.history import History
 from localization.odometry import OdometryStep
+from localization.path import ReckonedPath
 from localization.sightings import Sighting
 from localization.timeline import Timeline, TimelineConfig
 from localization.trust import Mind
@@ -101,8 +101,7 @@ class HeadingSearch:
     def __init__(self, initial: PoseBelief, config: HeadingConfig, parts: TimelineConfig) -> None:
         """Begin at a belief with a position and no heading; `parts`: of the timeline to hand over."""
         self._initial, self._config, self._parts = initial, config, parts
-        start = PoseBelief(initial.stamp_ns, Pose2(0.0, 0.0, 0.0), np.zeros((3, 3)))
-        self._motion = History(start, parts.gate, math.inf)
+        self._motion = ReckonedPath(initial.stamp_ns)
         self._looks: list[Sighting] = []
         self._grid = _Grid.begin(initial, config.grid)
 
@@ -172,7 +171,7 @@ class HeadingSearch:
         anchor = PoseBelief(self._initial.stamp_ns, pose, covariance)
         mind = Mind.at(anchor, self._parts.hypotheses)
         timeline = Timeline(anchor.stamp_ns, mind, self._parts, self._looks)
-        for step in self._motion.steps[1:]:
+        for step in self._motion.steps:
             timeline.append(step)
         return timeline if isinstance(timeline.verdict_of(newest), Fused) else None
 

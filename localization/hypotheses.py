@@ -70,6 +70,11 @@ class Hypothesis:
     name: int
     nis: float | None = None
 
+    def weighing(self, weight: float) -> Hypothesis:
+        """Return the same with another weight."""
+        # Several times faster than dataclasses' replace, at every look.
+        return Hypothesis(self.estimate, weight, self.fused_ns, self.views, self.name, self.nis)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses:
@@ -164,9 +169,13 @@ def _fits(estimate: Estimate, sighting: Sighting, gate: float, config: Hypothese
     for number, (place, odds) in enumerate(zip(sighting.places, sighting.odds, strict=True)):
         news = innovation(estimate, place)
         if news.inside(gate):
-            likely = min(odds / config.least_odds, 1.0)
-            fits.append((number, news, likely * math.exp(-0.5 * news.nis / config.temper)))
+            fits.append((number, news, _alike(odds, config) * math.exp(-0.5 * news.nis / config.temper)))
     return fits
+
+
+def _alike(odds: float, config: HypothesesConfig) -> float:
+    """Return what a place of a look counts: look-alikes the same, what is much less likely in proportion."""
+    return min(odds / config.least_odds, 1.0)
 
 
 def _heirs(
@@ -205,11 +214,12 @@ def _founded(
     sighting: Sighting, expected: set[int], elsewhere: float, born: int, config: HypothesesConfig
 ) -> Iterator[Hypothesis]:
     """Yield a hypothesis for each place that none expected and that is narrow enough to be one."""
-    for number, (belief, odds) in enumerate(zip(sighting.places, sighting.odds, strict=True)):
+    shares = [_alike(odds, config) for odds in sighting.odds]
+    for number, (belief, share) in enumerate(zip(sighting.places, shares, strict=True)):
         if number in expected or not belief.measured.all():
             continue
         if belief.position_std_m <= config.founding_m and belief.heading_std_rad <= config.founding_rad:
-            weight = config.founding * elsewhere * odds
+            weight = config.founding * elsewhere * share / sum(shares)
             yield Hypothesis(Estimate.of(belief), weight, sighting.stamp_ns, 1.0, born + number)
 
 
@@ -227,8 +237,8 @@ def _settled(found: Hypotheses, leader: int | None, gate: float, config: Hypothe
     total = weights + found.elsewhere
     elsewhere = max(found.elsewhere / total, config.elsewhere) if places else 1.0
     scale = (1.0 - elsewhere) / weights if places else 0.0
-    kept = tuple(replace(place, weight=place.weight * scale) for place in places)
-    return replace(found, places=kept, elsewhere=elsewhere)
+    kept = tuple(place.weighing(place.weight * scale) for place in places)
+    return Hypotheses(kept, elsewhere, found.looked_ns, found.way_m, found.way_rad, found.born)
 
 
 def _merged(

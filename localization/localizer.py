@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from localization.deadreckoning import DeadReckoning
+from localization.ekf import Estimate
 from localization.heading import HeadingConfig, HeadingSearch
 from localization.hypotheses import HypothesesConfig
 from localization.odometry import OdometryStep
@@ -13,7 +14,7 @@ from localization.states import Diagnosis, State, StateConfig, diagnose
 from localization.timeline import Timeline, TimelineConfig
 from localization.trust import Mind, TrustConfig
 from localization.verdicts import Missed, Unused, Verdict
-from localization.window import WindowConfig, search_windows
+from localization.window import WindowConfig, search_windows, slip_windows
 from maps.outcomes import Fix, Outcome, PoseBelief, SearchWindow
 from maps.poses import Pose2
 
@@ -124,16 +125,29 @@ class Localizer:
 
     def belief_at(self, stamp_ns: int) -> PoseBelief | None:
         """Return the belief at a stamp; None while lost, and before the history begins."""
+        estimate = self.estimate_at(stamp_ns)
+        return estimate.belief if estimate else None
+
+    def estimate_at(self, stamp_ns: int) -> Estimate | None:
+        """Return the belief at a stamp together with odometry's systematic errors; None as `belief_at`."""
         mind = self._timeline.mind_at(stamp_ns) if self._timeline else None
         place = mind.trusted_place if mind else None
-        return place.estimate.belief if place else None
+        return place.estimate if place else None
 
     def windows_at(self, stamp_ns: int) -> tuple[SearchWindow, ...]:
         """Return where an image of this stamp should be searched, the widest window last."""
-        mind = (self._timeline.mind_at(stamp_ns) if self._timeline else None) or self._now()[0]
+        mind = self._expected(stamp_ns)
         if self._search and mind.misses < self._config.heading.misses:
             return (self._search.window_at(stamp_ns, self._config.window.probability),)
         return search_windows(mind, self._config.window)
+
+    def slip_windows_at(self, stamp_ns: int) -> tuple[SearchWindow, ...]:
+        """Return where to search it too if those windows show no place: wheels may have slipped."""
+        return () if self._search else slip_windows(self._expected(stamp_ns), self._config.window)
+
+    def _expected(self, stamp_ns: int) -> Mind:
+        """Return what is known of a stamp; that of the newest one before the history begins."""
+        return (self._timeline.mind_at(stamp_ns) if self._timeline else None) or self._now()[0]
 
     def _now(self) -> tuple[Mind, int]:
         """Return what is known at the newest stamp, and that stamp."""

@@ -18,8 +18,9 @@ class TrustConfig:
 
     `sure`: probability at which a place found while lost is trusted, and above which it is not doubtful.
     `views`: so many looks apart from each other must have found it; one alone may be chance.
-    `switch`: another place takes over once it is so much likelier than the leading one; less would make
-    the published pose jump to and fro. `lost`: a place less likely than this is trusted no longer.
+    `switch`: the leading place is trusted no longer once another one is so much likelier; less would make
+    the published pose jump to and fro. The other one takes over when it is sure. `lost`: nor is a place
+    less likely than this.
     """
 
     sure: float = 0.8
@@ -101,9 +102,7 @@ class Mind:
             return None, False
         best, old = hypotheses.places[0], hypotheses.named(self.leader)
         if self.trusted and old is not None:
-            rival = next((place for place in hypotheses.places if place.views >= trust.views), None)
-            if rival is not None and rival.weight >= trust.switch * old.weight:
-                old = rival
-            if old.weight >= trust.lost:
+            rival = next((place for place in hypotheses.places if place.views >= trust.views), old)
+            if old.weight >= max(trust.lost, rival.weight / trust.switch):
                 return old.name, True
         return best.name, best.views >= trust.views and best.weight >= trust.sure

@@ -6,36 +6,31 @@ import logging
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from datetime import datetime
 from importlib.metadata import version
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from maps.errors import InputError, WirelocError
 from runs.cli_calibrate import calibrate_camera
+from runs.cli_calibraterobot import calibrate_robot_command
+from runs.cli_compare import compare_runs, error_table, view_run
 from runs.cli_experiment import experiment_app
 from runs.cli_lines import extract_lines
 from runs.cli_locate import locate_image
 from runs.cli_map import map_app
 from runs.cli_simulate import simulate
+from runs.logdetail import LogDetail
 from runs.options import numbers
+from runs.palette import TRACKS
+from runs.progress import progress_bar
 
 if TYPE_CHECKING:
-    from runs import runner
     from runs.session import Session
-
-#: Median, p95, max and rmse of errors, None where not known.
-Spread = Mapping[str, float | None]
 
 #: How well a pose given on the command line is known, where nobody says: a mark on the floor.
 INITIAL_STD = "0.1,5"
@@ -52,6 +47,9 @@ app.add_typer(experiment_app, name="experiment")
 app.command("lines")(extract_lines)
 app.command("locate")(locate_image)
 app.command("calibrate")(calibrate_camera)
+app.command("calibrate-robot")(calibrate_robot_command)
+app.command("view")(view_run)
+app.command("compare")(compare_runs)
 app.command("simulate")(simulate)
 
 
@@ -101,62 +99,32 @@ def run(
         typer.Option(metavar="DT_M,DPHI_DEG", help=f"How well it is known; {INITIAL_STD} unless told."),
     ] = None,
     lost: Annotated[bool, typer.Option("--lost", help="Ignore the initial pose.")] = False,
-    view: Annotated[bool, typer.Option("--view", help="Open the recording at the end.")] = False,
+    log: Annotated[
+        LogDetail, typer.Option(help="What is recorded: all, all but pictures and lines, nothing.")
+    ] = LogDetail.FULL,
+    view: Annotated[bool, typer.Option("--view", help="Watch the run in a viewer while it goes.")] = False,
+    connect: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Watch it in a rerun viewer that is open already.")
+    ] = None,
 ) -> None:
     """Run a whole navigation session: table, run folder, recording."""
     from runs.config import RunConfig, read_config
-    from runs.navigation import navigate
+    from runs.navigation import Watching, navigate
     from runs.results import default_folder, point_latest
     from runs.session import read_session
 
     parameters = read_config(config) if config else RunConfig()
     drive = _started(read_session(session, map_), initial_pose, initial_std, lost)
     folder = out or default_folder(drive.name, datetime.now())
-    with _progress(drive.name) as progress:
-        navigation = navigate(drive, parameters, folder, progress)
+    watching = Watching(log, _viewer(view, connect))
+    with progress_bar(drive.name) as progress:
+        navigation = navigate(drive, parameters, folder, progress, watching)
     if out is None:
         point_latest(folder)
     _print_result(navigation.metrics, folder)
-    if view:
-        _open(folder)
     if not navigation.usable:
         typer.echo("wireloc: no fix was accepted", err=True)
         raise typer.Exit(1)
-
-
-@app.command("view")
-def view_run(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")],
-    screenshot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a picture instead; needs no screen.")
-    ] = None,
-    time: Annotated[float | None, typer.Option(metavar="S", help="Time to show, with --screenshot.")] = None,
-) -> None:
-    """Open a run's recording in the viewer."""
-    if screenshot is None:
-        _open(run)
-        return
-    from runs.viewer import screenshot as take_screenshot
-
-    take_screenshot(run, screenshot, time)
-
-
-@app.command("compare")
-def compare_runs(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where table and plots go.")] = None,
-) -> None:
-    """Set odometry, raw vision, filtered and smoothed poses side by side."""
-    from runs.compare import compare
-
-    compared = compare(runs, out)
-    console = Console()
-    for name, rows in groupby(compared.rows, key=lambda row: row.run):
-        console.print(name, soft_wrap=True, highlight=False, markup=False)
-        console.print(
-            _error_table((row.track, asdict(row.position_m), asdict(row.heading_deg)) for row in rows)
-        )
-    console.print(str(compared.folder), soft_wrap=True, highlight=False, markup=False)
 
 
 @app.command()
@@ -170,10 +138,15 @@ def init(
         typer.echo(str(path))
 
 
-def _open(run: Path) -> None:
-    from runs.viewer import view
+def _viewer(view: bool, connect: str | None) -> str | None:
+    """Return the URL of the viewer that is to show the run, opening one if it is to be new."""
+    from runs.viewer import start_viewer, viewer_url
 
-    view(run)
+    if connect is not None:
+        if view:
+            raise InputError("--connect", "", "is another viewer than that of --view")
+        return viewer_url(connect)
+    return start_viewer() if view else None
 
 
 def _started(session: Session, pose: str | None, std: str | None, lost: bool) -> Session:
@@ -196,16 +169,6 @@ def _started(session: Session, pose: str | None, std: str | None, lost: bool) ->
     return replace(session, initial=start.at(session.start_ns))
 
 
-@contextmanager
-def _progress(name: str) -> Iterator[runner.Progress]:
-    """Show a bar on a terminal; elsewhere nothing."""
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(name, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
 def _print_result(metrics: dict[str, Any], folder: Path) -> None:
     """Print the table, the fixes, and where to find more."""
     console = Console()
@@ -213,15 +176,11 @@ def _print_result(metrics: dict[str, Any], folder: Path) -> None:
     if vision["wrong"] is None:
         console.print("no ground truth: errors are not known")
     else:
-        names = {
-            "odometry": "odometry",
-            "vision": "raw vision",
-            "filtered": "filtered",
-            "smoothed": "smoothed",
-        }
-        errors = ((name, metrics[key]) for key, name in names.items())
+        errors = ((label, metrics.get(name)) for name, (_, label) in TRACKS.items())
         console.print(
-            _error_table((name, of["position_error_m"], of["heading_error_deg"]) for name, of in errors)
+            error_table(
+                (label, of["position_error_m"], of["heading_error_deg"]) for label, of in errors if of
+            )
         )
     wrong = "" if vision["wrong"] is None else f", {vision['wrong']} wrong"
     console.print(
@@ -230,17 +189,5 @@ def _print_result(metrics: dict[str, Any], folder: Path) -> None:
         highlight=False,
     )
     console.print(str(folder), soft_wrap=True, highlight=False, markup=False)
-    console.print(f"wireloc view {folder}", soft_wrap=True, highlight=False, markup=False)
-
-
-def _error_table(rows: Iterable[tuple[str, Spread, Spread]]) -> Table:
-    """Lay out rows of a name, position errors [m] and heading errors [deg]."""
-    figures = ("median", "p95", "max", "rmse")
-    table = Table("error", "", box=SIMPLE_HEAD)
-    for figure in figures:
-        table.add_column(figure, justify="right")
-    for name, position_m, heading_deg in rows:
-        for label, unit, spread in ((name, "m", position_m), ("", "deg", heading_deg)):
-            values = [spread[figure] for figure in figures]
-            table.add_row(label, unit, *("-" if value is None else f"{value:.3f}" for value in values))
-    return table
+    if (folder / "run.rrd").exists():
+        console.print(f"wireloc view {folder}", soft_wrap=True, highlight=False, markup=False)

@@ -5,21 +5,18 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from maps.documents import read_yaml
 from maps.errors import InputError
+from runs.progress import progress_bar
 
 if TYPE_CHECKING:
     from maps.poses import Array
-    from runs.calibrating import Progress
     from vision.boards import Board
     from vision.calibration import Calibration
     from vision.camera import Camera
@@ -101,7 +98,7 @@ def _calibrated(
 
     model = CameraModel.FISHEYE if lens is Lens.FISHEYE else CameraModel.PINHOLE_RADTAN
     parameters = read_calibrate_config(config) if config else CalibrateConfig()
-    with _progress() as progress:
+    with progress_bar("looking for the board") as progress:
         result = calibrate_images(images, pattern, model, parameters, progress)
     if as_json:
         typer.echo(json.dumps(content_of(result), indent=2))
@@ -194,10 +191,3 @@ def _write(
         write_camera_info(camera_info, camera)
         said.append(str(camera_info))
     return said
-
-
-@contextmanager
-def _progress() -> Iterator[Progress]:
-    """Show which image is looked at; elsewhere than on a terminal nothing."""
-    with Console(stderr=True).status("looking for the board") as status:
-        yield lambda done, total: status.update(f"looking for the board: {done} of {total}")

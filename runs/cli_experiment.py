@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -13,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
 from maps.errors import InputError
+from runs.progress import progress_bar
 
 if TYPE_CHECKING:
     from maps.wiremap import WireMap
@@ -181,7 +180,7 @@ def _trials(
     """Run trials with a progress bar, on as many processes as asked for or as there are cores."""
     from runs.experiments.trials import run_trials
 
-    with _progress(name) as progress:
+    with progress_bar(name) as progress:
         found = run_trials(study, count, progress, workers or os.cpu_count() or 1, scheduler)
     return [trial for trials in found for trial in trials]
 
@@ -220,13 +219,3 @@ def _write(out: Path, measured: Callable[[], Report], as_json: bool) -> None:
             console.print(Text(grid.remark), style="dim")
             console.print()
     console.print(str(out), soft_wrap=True, highlight=False, markup=False)
-
-
-@contextmanager
-def _progress(name: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar on a terminal; elsewhere nothing."""
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(name, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)

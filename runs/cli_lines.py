@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from maps.errors import InputError
+from runs.cli_camera import camera_of, check_size
 
 if TYPE_CHECKING:
     from vision.camera import Camera
@@ -40,7 +41,7 @@ def extract_lines(
     if overlay is not None and (len(images) > 1 or overlay.suffix != ".png"):
         raise InputError("--overlay", "", "draws one image, into a .png")
     parameters = (read_config(config) if config else RunConfig()).matcher.lines
-    through = _camera(camera) if camera else None
+    through = camera_of(camera) if camera else None
     rows: list[tuple[object, ...]] = []
     for path in images:
         image = read_image(path)
@@ -56,15 +57,6 @@ def extract_lines(
         typer.echo(str(overlay))
 
 
-def _camera(path: Path) -> Camera:
-    from runs.robot import read_robot
-
-    camera = read_robot(path).camera
-    if camera is None:
-        raise InputError(path, "camera", "missing")
-    return camera
-
-
 def _fitting(camera: Camera | None, image: GreyImage, path: Path) -> Camera:
     """Return the camera, or an ideal one for the image; InputError where the image is not of its size."""
     import numpy as np
@@ -75,9 +67,7 @@ def _fitting(camera: Camera | None, image: GreyImage, path: Path) -> Camera:
     if camera is None:
         model, centre, focal = CameraModel.PINHOLE_RADTAN, ((width - 1) / 2, (height - 1) / 2), float(width)
         return Camera(model, width, height, focal, focal, *centre, np.zeros(5), CameraMount())
-    if (width, height) != (camera.width, camera.height):
-        expected = f"{camera.width}x{camera.height}"
-        raise InputError(path, "", f"is {width}x{height}, but the camera makes {expected}")
+    check_size(image, camera, path)
     return camera
 
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from maps.errors import InputError
+from runs.cli_camera import camera_of, check_size
 from runs.options import numbers
 
 if TYPE_CHECKING:
     from maps.outcomes import Outcome, PoseBelief, SearchWindow
     from vision.camera import Camera
-    from vision.images import GreyImage
     from vision.matcher import LineMatcher, MatcherConfig
 
 #: How far off --near may be, where nobody says.
@@ -52,9 +52,9 @@ def locate_image(
     if overlay is not None and overlay.suffix != ".png":
         raise InputError("--overlay", "", "draws into a .png")
     parameters = (read_config(config) if config else RunConfig()).matcher
-    camera = _camera(robot)
+    camera = camera_of(robot)
     grey = read_image(image)
-    _check_size(grey, camera, image)
+    check_size(grey, camera, image)
     matcher = _matcher(map_, camera, parameters)
     outcome = matcher.match(grey, 0, window)
     picture = overlay or Path("results") / f"{image.stem}-located.png"
@@ -79,23 +79,6 @@ def _window(near: str | None, within: str | None) -> SearchWindow:
     if dt_m <= 0.0 or dphi_deg <= 0.0:
         raise InputError("--within", "", "not above zero")
     return SearchWindow(Pose2(x, y, phi), dt_m, min(math.radians(dphi_deg), math.pi))
-
-
-def _camera(path: Path) -> Camera:
-    from runs.robot import read_robot
-
-    camera = read_robot(path).camera
-    if camera is None:
-        raise InputError(path, "camera", "missing")
-    return camera
-
-
-def _check_size(image: GreyImage, camera: Camera, path: Path) -> None:
-    height, width = image.shape
-    if (width, height) != (camera.width, camera.height):
-        raise InputError(
-            path, "", f"is {width}x{height}, but the camera makes {camera.width}x{camera.height}"
-        )
 
 
 def _matcher(path: Path, camera: Camera, parameters: MatcherConfig) -> LineMatcher:

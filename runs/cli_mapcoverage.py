@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from maps.errors import InputError
+from runs.progress import progress_bar
 
 if TYPE_CHECKING:
     from maps.rooms import Room
@@ -56,13 +56,8 @@ def map_coverage(
     places = places_on(wire_map, cell)
     if not len(places):
         raise InputError("--cell", "", f"{cell:g} m is too coarse: no cell's centre lies on the floor")
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("places", total=len(places))
-        coverage = cover(
-            wire_map, camera, places, cell, headings, lambda done, _: bar.update(task, completed=done)
-        )
+    with progress_bar("places") as progress:
+        coverage = cover(wire_map, camera, places, cell, headings, progress)
     content = content_of(coverage)
     if out is not None:
         name = map_.resolve().parent.name if map_.stem == "map" else map_.stem

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from maps.errors import InputError
+from runs.progress import progress_bar
 
 if TYPE_CHECKING:
     from maps.wiremap import WireMap
@@ -53,13 +53,8 @@ def learn_map(
     wire_map = build_map(document, map_)
     places: list[Path | None] = [*session] if session else [None] * len(runs)
     drives = [read_drive(run, map_, place) for run, place in zip(runs, places, strict=True)]
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("frames", total=None)
-        seen, used = gather(
-            wire_map, drives, lambda done, total: bar.update(task, completed=done, total=total)
-        )
+    with progress_bar("frames") as progress:
+        seen, used = gather(wire_map, drives, progress)
     if seen is None:
         typer.echo("wireloc: no frame of these runs agrees with the map", err=True)
         raise typer.Exit(1)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from runs.progress import progress_bar
 
 _SAMPLE = Path(__file__).parent / "samples" / "building_a"
 
@@ -73,15 +73,8 @@ def simulate(
         conditions=Conditions(light=light, sun=seed % 2 == 0, clutter=scaled(clutter)),
         fixes=FixErrors(outlier_share=outliers) if fixes else None,
     )
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(out.name, total=None)
+    with progress_bar(out.name) as progress:
         simulate_folder(
-            out,
-            map_ or _SAMPLE / "map.yaml",
-            robot or _SAMPLE / "robot.yaml",
-            recipe,
-            lambda done, total: bar.update(task, completed=done, total=total),
+            out, map_ or _SAMPLE / "map.yaml", robot or _SAMPLE / "robot.yaml", recipe, progress
         )
     typer.echo(str(out))

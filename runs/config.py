@@ -12,10 +12,12 @@ import yaml
 from annotated_types import Gt
 from pydantic import ConfigDict
 
+from localization.fixedlag import FixedLagConfig
 from localization.localizer import LocalizerConfig
 from localization.odometry import OdometryNoise
 from localization.smoother import SmootherConfig
 from maps.documents import checked, read_yaml
+from runs.secondpass import SecondPassConfig
 from vision.matcher import MatcherConfig
 
 #: The libraries whose numbers a result depends on.
@@ -35,6 +37,8 @@ class RunConfig:
     localizer: LocalizerConfig = field(default_factory=LocalizerConfig)
     matcher: MatcherConfig = field(default_factory=MatcherConfig)
     smoother: SmootherConfig = field(default_factory=SmootherConfig)
+    second_pass: SecondPassConfig = field(default_factory=SecondPassConfig)
+    fixed_lag: FixedLagConfig = field(default_factory=FixedLagConfig)
     match_rate_hz: Annotated[float, Gt(0.0)] | None = None
     #: Of whatever draws random numbers; the same seed gives the same run.
     seed: int = 0
@@ -57,6 +61,11 @@ def write_config(path: Path, config: RunConfig, run: dict[str, Any]) -> None:
     versions = {library: version(library) for library in LIBRARIES}
     content = {"run": run, **_plain(asdict(config)), "versions": versions}
     path.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
+
+
+def config_text(config: RunConfig) -> str:
+    """Return the resolved parameters as YAML."""
+    return str(yaml.safe_dump(_plain(asdict(config)), sort_keys=False, allow_unicode=True))
 
 
 def _plain(value: Any) -> Any:

@@ -60,6 +60,8 @@ def evaluate(session: Session, result: RunResult, truth: Trajectory | None) -> d
         "odometry": _spreads(errors_of(tracks.odometry, truth)),
         "filtered": _judged(filtered),
         "smoothed": _judged(errors_of(tracks.smoothed, truth)),
+        "fixed_lag": _judged(errors_of(tracks.fixed_lag, truth)) if len(tracks.fixed_lag) else None,
+        "second_pass": _second_pass(result, truth),
         "states": states,
         "availability": 1.0 - states[State.LOST.value] / total if total else None,
         "tracking_wrong_s": _tracking_wrong_s(result.spans, tracks.filtered, filtered) if truth else None,
@@ -82,7 +84,7 @@ def _vision(session: Session, result: RunResult, truth: Trajectory | None) -> di
     errors = errors_of(Trajectory.of_beliefs([belief for _, belief in fixes]), truth)
     whole = np.array([record.outcome == "FIX" for record, _ in fixes], bool)
     accepted = np.array([record.accepted for record, _ in fixes], bool)
-    wrong = _wrong(errors, whole)
+    wrong = wrong_fixes(errors, whole)
     observable = _observable(session)
     return {
         "attempted": len(records),
@@ -104,7 +106,20 @@ def _vision(session: Session, result: RunResult, truth: Trajectory | None) -> di
     }
 
 
-def _wrong(errors: Errors, whole: Flags) -> Flags:
+def _second_pass(result: RunResult, truth: Trajectory | None) -> dict[str, Any]:
+    """Return what looking again brought, which only the smoothed trajectory knows of."""
+    fixes = result.again.fixes
+    errors = errors_of(Trajectory.of_beliefs([fix.belief for fix in fixes]), truth)
+    whole = np.array([not fix.partial for fix in fixes], bool)
+    return {
+        "attempted": result.again.tried,
+        "fixes": int(whole.sum()),
+        "partial": int((~whole).sum()),
+        "wrong": int(wrong_fixes(errors, whole).sum()) if truth else None,
+    }
+
+
+def wrong_fixes(errors: Errors, whole: Flags) -> Flags:
     """Return which fixes are wrong, (N,) bool; where the truth is not known none is."""
     far = (errors.position_m > WRONG_FIX_M) | (errors.heading_rad > WRONG_FIX_RAD)
     squared, dimensions = errors.nees()

@@ -19,7 +19,7 @@ from maps.mapfile import read_map
 from maps.outcomes import FIX_POSITION_STD_M
 from maps.poses import Array
 from maps.wiremap import WireMap
-from runs.palette import TRACKS
+from runs.palette import OPTIONAL_TRACKS, TRACKS
 from runs.runlog import COLUMNS, Trajectory
 
 #: A row of steps.csv by column; an empty cell is what there was not.
@@ -32,8 +32,8 @@ TUM_COLUMNS = 8
 class RunFolder:
     """One run as its folder tells it.
 
-    `tracks` by the names of `runs.palette.TRACKS`; a heading that was not measured is NaN. `truth` and
-    `wire_map` are None where the run had none. `metrics` is metrics.json.
+    `tracks` by the names of `runs.palette.TRACKS`, those that it has; a heading that was not measured is NaN.
+    `truth` and `wire_map` are None where the run had none. `metrics` is metrics.json.
     """
 
     path: Path
@@ -68,7 +68,10 @@ def read_run(folder: Path) -> RunFolder:
     if not folder.is_dir():
         raise InputError(folder, "", "no such run folder")
     steps = read_steps(folder)
-    tracks = {name: read_tum(folder / f"{name}.tum") for name in TRACKS}
+    paths = {name: folder / f"{name}.tum" for name in TRACKS}
+    tracks = {
+        name: read_tum(path) for name, path in paths.items() if name not in OPTIONAL_TRACKS or path.exists()
+    }
     blind = [to_ns(step["timestamp_s"]) for step in steps if step["fix_x_m"] and not step["fix_phi_rad"]]
     tracks["vision"] = _without_headings(tracks["vision"], np.isin(tracks["vision"].stamps_ns, blind))
     metrics = _read_metrics(folder / "metrics.json")

@@ -167,11 +167,12 @@ class LiveLocalizer:
     def _match(self, image: GreyImage, stamp_ns: int) -> None:
         with self._lock:
             windows = self._localizer.windows_at(stamp_ns)
-        outcome, _ = look_in(self._matcher, image, stamp_ns, windows)
+            otherwise = self._localizer.slip_windows_at(stamp_ns)
+        looked = look_in(self._matcher, image, stamp_ns, windows, otherwise)
         with self._lock:
-            verdict = self._localizer.fuse(outcome, windows[-1], stamp_ns)
+            verdict = self._localizer.fuse(looked.outcome, looked.window, stamp_ns)
         if self._watcher is not None:
-            self._watcher(Seen(stamp_ns, outcome, verdict))
+            self._watcher(Seen(stamp_ns, looked.outcome, verdict))
 
     def _raise_failure(self) -> None:
         with self._lock:

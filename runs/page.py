@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Iterable, Sequence
 from html import escape
 
@@ -32,6 +33,9 @@ th, td {{ padding: .3rem .5rem; text-align: right; white-space: nowrap;
   border-bottom: 1px solid var(--line); }}
 th:first-child, td:first-child {{ text-align: left; }}
 th {{ color: var(--faint); font-weight: 600; }}
+figure {{ margin: 1rem 0; }}
+figure img {{ display: block; width: 100%; height: auto; border-radius: .4rem; }}
+figcaption {{ color: var(--faint); font-size: .9rem; margin-top: .3rem; }}
 p.note {{ color: var(--faint); font-size: .9rem; }}
 dl {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(min(13rem, 45%), 1fr));
   gap: .75rem; margin: 0; }}
@@ -71,6 +75,13 @@ def headlines(figures: Iterable[tuple[str, str]]) -> str:
 def note(text: str) -> str:
     """Return a remark in small print."""
     return f'<p class="note">{escape(text)}</p>'
+
+
+def picture(jpeg: bytes, caption: str) -> str:
+    """Return a JPEG inside the page, with a line below it."""
+    data = b64encode(jpeg).decode("ascii")
+    source = f'<img alt="{escape(caption)}" src="data:image/jpeg;base64,{data}">'
+    return f"<figure>{source}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def heading(text: str) -> str:

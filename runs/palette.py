@@ -10,6 +10,7 @@ TRUTH = "#8c8c8c"
 ODOMETRY = "#e69f00"
 VISION = "#56b4e9"
 FILTERED = "#0a84d6"
+FIXED_LAG = "#8a6fc8"
 SMOOTHED = "#009e73"
 REJECTED = "#d55e00"
 AMBIGUOUS = "#cc79a7"
@@ -20,8 +21,11 @@ TRACKS = {
     "odometry": (ODOMETRY, "odometry"),
     "vision": (VISION, "raw vision"),
     "filtered": (FILTERED, "filtered"),
+    "fixed_lag": (FIXED_LAG, "fixed lag"),
     "smoothed": (SMOOTHED, "smoothed"),
 }
+#: Tracks that not every run has.
+OPTIONAL_TRACKS = ("fixed_lag",)
 
 #: The three states and their colours.
 STATES = {"TRACKING": FILTERED, "UNCERTAIN": ODOMETRY, "LOST": REJECTED}

@@ -61,7 +61,7 @@ def plan(runs: Sequence[RunFolder]) -> Figure:
     """Draw each run's floor, trajectories and fixes, one above the other."""
     corners = [_extent(run) for run in runs]
     heights = [float(np.clip(0.9 * WIDTH_IN * depth / width, 2.0, 8.0)) for width, depth in corners]
-    figure = _figure(sum(heights) + 1.1)
+    figure = blank_figure(sum(heights) + 1.1)
     panels = figure.subplots(len(runs), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, run in zip(panels, runs, strict=True):
         _draw_plan(axes, run)
@@ -75,7 +75,7 @@ def plan(runs: Sequence[RunFolder]) -> Figure:
 @matplotlib.rc_context(STYLE)
 def errors_over_time(run: RunFolder) -> Figure:
     """Draw each trajectory's largest errors in short spans of time, and every fix's, on scales of decades."""
-    figure = _figure(5.6)
+    figure = blank_figure(5.6)
     panels = figure.subplots(2, 1, sharex=True)
     for axes, (quantity, (smallest, largest)) in zip(panels, SCALES.items(), strict=True):
         for name, (seconds, found) in _all_errors(run).items():
@@ -100,7 +100,7 @@ def errors_over_time(run: RunFolder) -> Figure:
 @matplotlib.rc_context(STYLE)
 def cumulative(runs: Sequence[RunFolder]) -> Figure:
     """Draw which share of each trajectory's poses is better than an error; dashes tell runs apart."""
-    figure = _figure(3.4)
+    figure = blank_figure(3.4)
     panels = figure.subplots(1, 2, sharey=True)
     for run, dashes in zip(runs, cycle(("-", "--", ":", "-.")), strict=False):
         for name, (_, found) in _all_errors(run).items():
@@ -140,7 +140,8 @@ def png(figure: Figure, dots_per_inch: int = 200) -> bytes:
     return image.getvalue()
 
 
-def _figure(height_in: float) -> Figure:
+def blank_figure(height_in: float) -> Figure:
+    """Return an empty figure of the usual width."""
     figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -198,9 +199,19 @@ def _draw_plan(axes: Axes, run: RunFolder) -> None:
         axes.add_collection(LineCollection(ellipses, colors=colour, linewidths=0.5, alpha=0.5, zorder=1))
         marker = "." if taken else "x"
         axes.plot(*centres.T, marker, color=colour, markersize=4.0, label=label, zorder=1.5)
+    beliefs = [ellipse(*belief) for belief in map(_belief, run.steps) if belief is not None]
+    axes.add_collection(LineCollection(beliefs, colors=TRACKS["filtered"][0], linewidths=0.6, zorder=2.5))
     axes.set_aspect("equal")
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
+
+
+def _belief(step: Step) -> tuple[Array, Array] | None:
+    """Return position and covariance of the belief after a look, (2,) and (2, 2); None while lost."""
+    if not step["x_m"] or not step["sxx"]:
+        return None
+    sxx, sxy, syy = (float(step[name]) for name in ("sxx", "sxy", "syy"))
+    return np.array([float(step["x_m"]), float(step["y_m"])]), np.array([[sxx, sxy], [sxy, syy]])
 
 
 def _centre(step: Step) -> Array:

@@ -1,37 +1,43 @@
-"""The report of a run: one self-contained page, from the run folder alone."""
+"""The report of a run: one self-contained page, from the run folder and pictures of its worst frames."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from maps.documents import read_text
 from runs.folder import RunFolder, Step, read_run
-from runs.page import STATISTICS, heading, headlines, note, number, page, table, verbatim
+from runs.page import STATISTICS, heading, headlines, note, number, page, picture, table, verbatim
 from runs.palette import TRACKS
 from runs.plots import cumulative, errors_over_time, plan, svg
 from runs.runlog import ACCEPTED
+from runs.worst import WorstFrame
 
 #: More rows than this would bury what follows; steps.csv has them all.
 MOST_DECISIONS = 200
 
 
-def write_report(folder: Path) -> None:
-    """Write report.html into a run folder; InputError where the folder is not a whole run."""
+def write_report(folder: Path, worst: Sequence[WorstFrame] = ()) -> None:
+    """Write report.html into a run folder, with pictures of the frames that went worst.
+
+    InputError where the folder is not a whole run.
+    """
     run = read_run(folder)
-    html = page(str(run.metrics.get("session", run.name)), _parts(run))
+    html = page(str(run.metrics.get("session", run.name)), _parts(run, worst))
     (folder / "report.html").write_text(html, encoding="utf-8")
 
 
-def _parts(run: RunFolder) -> list[str]:
+def _parts(run: RunFolder, worst: Sequence[WorstFrame]) -> list[str]:
     against = "truth" if run.truth is not None else "the smoothed poses, for want of a truth"
     return [
-        headlines(_figures(run.metrics)),
         svg(plan([run])),
+        headlines(_figures(run.metrics)),
         heading("Accuracy"),
         *_accuracy(run.metrics),
         note(_fixes(run.metrics["vision"])),
+        *_worst(worst),
         heading(f"Errors against {against}"),
         svg(errors_over_time(run)),
         svg(cumulative([run])),
@@ -41,6 +47,25 @@ def _parts(run: RunFolder) -> list[str]:
         table(*_timing(run.metrics["timing_ms"])),
         heading("Configuration"),
         verbatim(read_text(run.path / "config.yaml")),
+    ]
+
+
+def _worst(frames: Sequence[WorstFrame]) -> list[str]:
+    """Show the worst frames, with what the colours mean."""
+    if not frames:
+        return []
+    key = (
+        "Matched lines green to red by how far they lie from the map's edges, edges that were not found dashed in "
+        "blue, lines that no edge claims grey."
+    )
+    pictures = [
+        picture(frame.jpeg, f"{frame.stamp_ns / 1e9:.2f} s, {Path(frame.filename).name}: {frame.wrong}")
+        for frame in frames
+    ]
+    return [
+        heading(f"The worst {len(frames)} frames" if len(frames) > 1 else "The worst frame"),
+        note(key),
+        *pictures,
     ]
 
 
@@ -64,6 +89,7 @@ def _accuracy(metrics: dict[str, Any]) -> list[str]:
             [
                 [label, *(number(_error(metrics[name], quantity, key), digits=digits) for key in STATISTICS)]
                 for name, (_, label) in TRACKS.items()
+                if metrics.get(name)
             ],
         )
         for title, quantity, digits in (

@@ -91,9 +91,9 @@ class FileLog:
         """Wait for the trajectory."""
 
     def finish(self, trajectories: Trajectories) -> None:
-        """Write the four trajectories."""
-        for name in ("odometry", "vision", "filtered", "smoothed"):
-            write_tum(self._folder / f"{name}.tum", getattr(trajectories, name))
+        """Write the trajectories."""
+        for name, trajectory in trajectories.by_name().items():
+            write_tum(self._folder / f"{name}.tum", trajectory)
 
     def _write_row(self, cells: tuple[Any, ...]) -> None:
         with self._steps.open("a", encoding="utf-8", newline="") as file:

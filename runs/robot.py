@@ -48,7 +48,8 @@ class Start:
 class Robot:
     """What is known of the robot: `wheels` None where odometry is a twist, `camera` None without one.
 
-    `time_offset_ns` added to an image's stamp gives odometry's clock.
+    `time_offset_ns` added to an image's stamp gives odometry's clock. `twist_scales`: what forward speeds and turn
+    rates are multiplied with, where odometry is a twist.
     """
 
     path: Path
@@ -56,6 +57,7 @@ class Robot:
     camera: Camera | None
     time_offset_ns: int
     start: Start | None
+    twist_scales: tuple[float, float] = (1.0, 1.0)
 
 
 class _Wheels(BaseModel):
@@ -128,8 +130,14 @@ class _Start(BaseModel):
         return self
 
 
+class _Twist(BaseModel):
+    forward_scale: Positive = 1.0
+    turn_scale: Positive = 1.0
+
+
 class _Robot(BaseModel):
     wheels: _Wheels | None = None
+    twist: _Twist | None = None
     camera: _Camera | None = None
     time_offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.0
     initial_pose: _Start | None = None
@@ -141,12 +149,14 @@ def read_robot(path: Path) -> Robot:
     InputError names the key that is missing, of another kind, not finite or out of range.
     """
     document = checked(_Robot, read_yaml(path), path)
+    twist = document.twist or _Twist()
     return Robot(
         path=path,
         wheels=_wheels(document.wheels) if document.wheels else None,
         camera=_camera(document.camera) if document.camera else None,
         time_offset_ns=round(document.time_offset_s * 1e9),
         start=_start(document.initial_pose) if document.initial_pose else None,
+        twist_scales=(twist.forward_scale, twist.turn_scale),
     )
 
 

@@ -64,6 +64,31 @@ def with_block(text: str, block: str, values: dict[str, Any]) -> str:
     return text[:start] + written + text[end:]
 
 
+def with_keys(text: str, path: tuple[str, ...], values: dict[str, Any]) -> str:
+    """Return YAML text with keys set in a mapping inside mappings, all the rest as it is.
+
+    `path`: the keys that lead there, at most one of them missing; empty for the whole file, which gets new keys at
+    its end.
+    """
+    node: Any = _composed(text)
+    for depth, key in enumerate(path):
+        if node is None or not _has(node, key):
+            return with_keys(text, path[:depth], {key: values})
+        node = _entry(node, key)[1]
+    if not isinstance(node, yaml.MappingNode):
+        if path:
+            return with_keys(text, path[:-1], {path[-1]: values})
+        return "".join(_line(key, value) + "\n" for key, value in values.items())
+    if node.flow_style:
+        merged = yaml.safe_load(text[node.start_mark.index : _end(node)]) | values
+        written: str = yaml.safe_dump(merged, default_flow_style=True, allow_unicode=True, width=10**6)
+        return text[: node.start_mark.index] + written.strip() + text[_end(node) :]
+    if not path and not any(_has(node, key) for key in values):
+        return f"{text.rstrip()}\n" + "".join(_line(key, value) + "\n" for key, value in values.items())
+    written, end = _rewritten(text, node, values)
+    return text[: node.start_mark.index] + written + text[end:]
+
+
 def _rewritten(text: str, node: yaml.MappingNode, values: dict[str, Any]) -> tuple[str, int]:
     """Return a block mapping's new text, from its first key on, and where the old one ended.
 

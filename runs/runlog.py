@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Protocol
 
 import numpy as np
@@ -118,17 +118,24 @@ class Trajectory:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectories:
-    """The run's four, each in order of its stamps.
+    """The run's own, each in order of its stamps.
 
     `odometry`: dead reckoning from the initial pose, or from the first one published. `vision`: every
     fix, accepted or not, at its image's time. `filtered`: the belief as published at every odometry step,
-    none while lost. `smoothed`: at the same stamps, knowing everything.
+    none while lost. `smoothed`: at the same stamps, knowing everything. `fixed_lag`: at the same stamps, as
+    known a few seconds later; empty where the fixed-lag smoother did not run.
     """
 
     odometry: Trajectory
     vision: Trajectory
     filtered: Trajectory
     smoothed: Trajectory
+    fixed_lag: Trajectory = field(default_factory=lambda: Trajectory.of_beliefs([]))
+
+    def by_name(self) -> dict[str, Trajectory]:
+        """Return those that there are by their names, in order."""
+        every = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: track for name, track in every.items() if name != "fixed_lag" or len(track)}
 
 
 class RunLog(Protocol):

@@ -1,56 +1,48 @@
-"""What a recording shows in space: the map, the robot with its camera, fixes, windows, image lines."""
+"""What a recording shows in space: the map, the robot with its camera, beliefs and fixes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import rerun as rr
 
-from maps.outcomes import Look, PoseBelief, SearchWindow
+from maps.outcomes import PoseBelief
 from maps.poses import Array, Pose2
 from maps.wiremap import WireMap
-from runs.palette import (
-    AMBIGUOUS,
-    IMAGE_LINE,
-    REJECTED,
-    SMOOTHED,
-    STATES,
-    TRUTH,
-    VISION,
-    kind_colours,
-    rgb,
-    rgba,
-)
-from runs.shapes import disc, ellipse, floor_rings, heading_wedge
+from runs.palette import AMBIGUOUS, FILTERED, REJECTED, STATES, TRUTH, VISION, kind_colours, rgb, rgba
+from runs.rowbatch import RowBatch
+from runs.runlog import StepRecord
+from runs.shapes import disc, ellipse, floor_rings
 from vision.camera import Camera
 
 #: Layers drawn on the floor lie at these heights, so that they do not flicker into each other.
-LIFT_M = {"fix": 0.01, "window": 0.02, "track": 0.03}
+LIFT_M = {"region": 0.005, "fix": 0.01, "window": 0.02, "track": 0.03}
+
+#: What became of fixes, and the colours of their layers.
+LAYERS = {"accepted": VISION, "rejected": REJECTED, "ambiguous": AMBIGUOUS}
 
 #: The robot's drawn size; sessions do not give one.
 ROBOT_RADIUS_M = 0.2
 
-#: An image line this far from its map edge, or farther, takes the last colour of the scale.
-WORST_RESIDUAL_PX = 2.0
 
-
-def log_map(recording: rr.RecordingStream, wire_map: WireMap) -> None:
-    """Draw the map once, an entity for each kind of segment, named on hover."""
+def log_map(recording: rr.RecordingStream, wire_map: WireMap, root: str = "") -> None:
+    """Draw the map once below an entity, an entity for each kind of segment, named on hover."""
     kinds = np.array(wire_map.kinds)
     for kind, colour in kind_colours(wire_map.kinds).items():
         rows = np.flatnonzero(kinds == kind)
         strips = rr.LineStrips3D(
-            list(wire_map.endpoints[rows]),
+            wire_map.endpoints[rows].astype(np.float32),
             colors=rgba(colour, 0.7),
             radii=rr.Radius.ui_points(0.8),
             labels=[wire_map.names[row] for row in rows],
             show_labels=False,
         )
-        recording.log(f"world/map/segments/{kind}", strips, static=True)
-    recording.log("world/map/floor", _lines(floor_rings(wire_map.floor), 0.0, TRUTH, 1.5), static=True)
+        recording.log(f"{root}world/map/segments/{kind}", strips, static=True)
+    recording.log(
+        f"{root}world/map/floor", flat_lines(floor_rings(wire_map.floor), 0.0, rgb(TRUTH), 1.5), static=True
+    )
     if len(wire_map.lintels):
         tops = np.repeat(wire_map.lintel_bottoms_m[:, None, None], 2, axis=1)
         strips = rr.LineStrips3D(
@@ -58,7 +50,7 @@ def log_map(recording: rr.RecordingStream, wire_map: WireMap) -> None:
             colors=rgb(AMBIGUOUS),
             radii=rr.Radius.ui_points(1.0),
         )
-        recording.log("world/map/lintels", strips, static=True)
+        recording.log(f"{root}world/map/lintels", strips, static=True)
 
 
 def log_camera(recording: rr.RecordingStream, camera: Camera) -> None:
@@ -75,27 +67,29 @@ def log_camera(recording: rr.RecordingStream, camera: Camera) -> None:
     recording.log("world/robot/camera", pinhole, static=True)
 
 
-def log_body(recording: rr.RecordingStream, state: str) -> None:
-    """Draw the robot in the colour of its state, nose forward."""
+def log_body(recording: rr.RecordingStream, state: str, root: str = "") -> None:
+    """Draw the robot in the colour of its state, nose forward; below an entity of its own once and for all."""
     rim = np.column_stack([disc(np.zeros(2), ROBOT_RADIUS_M), np.zeros(25)])
     nose = [[0.0, 0.0, 0.0], [2.5 * ROBOT_RADIUS_M, 0.0, 0.0]]
     body = rr.LineStrips3D([rim, nose], colors=rgb(STATES[state]), radii=rr.Radius.ui_points(2.5))
-    recording.log("world/robot/body", body)
+    recording.log(f"{root}world/robot/body", body, static=bool(root))
 
 
-def log_window(recording: rr.RecordingStream, window: SearchWindow | None) -> None:
-    """Draw where the matcher was told to look: a disc, and in it the slice of headings."""
-    if window is None or not math.isfinite(window.dt_m):
-        recording.log("world/window", rr.Clear(recursive=False))
-        return
-    centre = np.array([window.centre.x, window.centre.y])
-    outline = [disc(centre, window.dt_m), heading_wedge(window)]
-    recording.log("world/window", _lines(outline, LIFT_M["window"], AMBIGUOUS, 1.0))
+def style_fixes(recording: rr.RecordingStream) -> None:
+    """Say once how fixes and beliefs are drawn."""
+    for layer, colour in LAYERS.items():
+        lines = rr.LineStrips3D.from_fields(colors=rgb(colour), radii=rr.Radius.ui_points(0.5))
+        recording.log(f"world/fixes/{layer}/outlines", lines, static=True)
+        points = rr.Points3D.from_fields(
+            colors=rgb(colour), radii=rr.Radius.ui_points(2.5), show_labels=False
+        )
+        recording.log(f"world/fixes/{layer}/positions", points, static=True)
+    beliefs = rr.LineStrips3D.from_fields(colors=rgb(FILTERED), radii=rr.Radius.ui_points(0.5))
+    recording.log("world/beliefs", beliefs, static=True)
 
 
-def log_fix(recording: rr.RecordingStream, layer: str, beliefs: Sequence[PoseBelief]) -> None:
-    """Draw one look's poses with 95 % ellipse and heading; layers: accepted, rejected, ambiguous."""
-    colour = {"accepted": VISION, "rejected": REJECTED, "ambiguous": AMBIGUOUS}[layer]
+def log_fix(batch: RowBatch, layer: str, beliefs: Sequence[PoseBelief], labels: Sequence[str]) -> None:
+    """Draw one look's poses with 95 % ellipse and heading, named on hover; a layer is one of `LAYERS`."""
     lines = []
     for belief in beliefs:
         centre = belief.pose.as_array()[:2]
@@ -103,58 +97,29 @@ def log_fix(recording: rr.RecordingStream, layer: str, beliefs: Sequence[PoseBel
         if belief.measured[2]:
             direction = np.array([math.cos(belief.pose.phi), math.sin(belief.pose.phi)])
             lines.append(np.array([centre, centre + 1.5 * ROBOT_RADIUS_M * direction]))
-    recording.log(f"world/fixes/{layer}/outlines", _lines(lines, LIFT_M["fix"], colour, 0.5))
+    strips = at_height(lines, LIFT_M["fix"])
+    batch.add(f"world/fixes/{layer}/outlines", rr.LineStrips3D, strips=strips)
     centres = [[belief.pose.x, belief.pose.y, LIFT_M["fix"]] for belief in beliefs]
-    points = rr.Points3D(centres, colors=rgb(colour), radii=rr.Radius.ui_points(2.5))
-    recording.log(f"world/fixes/{layer}/positions", points)
+    batch.add(f"world/fixes/{layer}/positions", rr.Points3D, positions=centres, labels=labels)
 
 
-def log_image(recording: rr.RecordingStream, path: Path) -> None:
-    """Store an image as its file has it, bytes untouched."""
-    recording.log("world/robot/camera/image", rr.EncodedImage(path=path))
+def log_estimate(batch: RowBatch, record: StepRecord) -> None:
+    """Draw the 95 % ellipse of the belief after a look."""
+    if record.x_m is None or record.y_m is None or record.sxx is None:
+        return
+    covariance = np.array([[record.sxx, record.sxy], [record.sxy, record.syy]], float)
+    outline = ellipse(np.array([record.x_m, record.y_m]), covariance)
+    batch.add("world/beliefs", rr.LineStrips3D, strips=at_height([outline], LIFT_M["fix"]))
 
 
-def log_look(recording: rr.RecordingStream, look: Look, names: tuple[str, ...]) -> None:
-    """Draw what the matcher saw: lines, edges it expected and did not see, and pairs by residual."""
-    at = "world/robot/camera/lines"
-    thin, wide = rr.Radius.ui_points(0.5), rr.Radius.ui_points(1.5)
-    free = np.setdiff1d(np.arange(len(look.lines_px)), look.matched_image)
-    lines = rr.LineStrips2D(
-        list(look.lines_px[free]), colors=rgba(IMAGE_LINE, 0.9), radii=thin, draw_order=10.0
-    )
-    recording.log(f"{at}/extracted", lines)
-
-    unseen = np.flatnonzero(~np.isin(look.predicted_map, look.matched_map))
-    predicted = rr.LineStrips2D(
-        list(look.predicted_px[unseen]),
-        colors=rgba(AMBIGUOUS, 0.8),
-        radii=thin,
-        labels=[names[row] for row in look.predicted_map[unseen]],
-        show_labels=False,
-        draw_order=20.0,
-    )
-    recording.log(f"{at}/predicted_unseen", predicted)
-
-    pairs = zip(look.matched_map, look.residuals_px, strict=True)
-    matched = rr.LineStrips2D(
-        list(look.lines_px[look.matched_image]),
-        colors=[_residual_colour(residual) for residual in look.residuals_px],
-        radii=wide,
-        labels=[f"{names[row]}  {residual:.2f} px" for row, residual in pairs],
-        show_labels=False,
-        draw_order=30.0,
-    )
-    recording.log(f"{at}/matched", matched)
+def at_height(outlines: Sequence[Array], height_m: float) -> list[Array]:
+    """Return outlines (K, 2) in plan as lines (K, 3) at one height, without empty ones."""
+    return [np.column_stack([line, np.full(len(line), height_m)]) for line in outlines if len(line)]
 
 
-def _residual_colour(residual_px: float) -> tuple[int, int, int]:
-    """Go from green, on the edge, to vermilion, `WORST_RESIDUAL_PX` or more away from it."""
-    share = min(residual_px / WORST_RESIDUAL_PX, 1.0)
-    near, far = np.array(rgb(SMOOTHED)), np.array(rgb(REJECTED))
-    red, green, blue = (int(value) for value in np.rint(near + share * (far - near)))
-    return red, green, blue
-
-
-def _lines(outlines: list[Array], height_m: float, colour: str, width: float) -> rr.LineStrips3D:
-    strips = [np.column_stack([line, np.full(len(line), height_m)]) for line in outlines if len(line)]
-    return rr.LineStrips3D(strips, colors=rgb(colour), radii=rr.Radius.ui_points(width))
+def flat_lines(
+    outlines: Sequence[Array], height_m: float, colour: tuple[int, ...], width: float
+) -> rr.LineStrips3D:
+    """Return outlines (K, 2) in plan as lines at one height, `width` in points."""
+    strips = at_height(outlines, height_m)
+    return rr.LineStrips3D(strips, colors=colour, radii=rr.Radius.ui_points(width))

@@ -184,8 +184,10 @@ def _read_odometry(path: Path, robot: Robot) -> Odometry:
     if by_wheels and robot.wheels is None:
         raise InputError(robot.path, "wheels", "missing, and odometry.csv has wheel angles")
     columns = WHEEL_COLUMNS if by_wheels else TWIST_COLUMNS
-    values = frozen(np.column_stack([table.numbers(name) for name in columns]))
-    return Odometry(stamps_ns, table.arrivals(stamps_ns), values, robot.wheels if by_wheels else None)
+    values = np.column_stack([table.numbers(name) for name in columns])
+    if not by_wheels:
+        values = values * robot.twist_scales
+    return Odometry(stamps_ns, table.arrivals(stamps_ns), frozen(values), robot.wheels if by_wheels else None)
 
 
 def _read_frames(folder: Path, robot: Robot) -> tuple[Frame, ...]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from shapely.geometry import MultiPolygon
 
-from maps.outcomes import SearchWindow
+from maps.outcomes import PoseEllipsoid, SearchWindow
 from maps.poses import Array
 
 #: Half-axes longer than this are cut: a corridor's fix has one as long as the corridor, and longer.
@@ -45,6 +45,14 @@ def heading_wedge(window: SearchWindow) -> Array:
     angles = window.centre.phi + np.linspace(-half, half, 13)
     arc = centre + window.dt_m * np.column_stack([np.cos(angles), np.sin(angles)])
     return np.vstack([centre, arc, centre])
+
+
+def window_ellipse(ellipsoid: PoseEllipsoid) -> Array:
+    """Return the positions that a window's ellipsoid leaves, whatever the heading, (25, 2)."""
+    variances, axes = np.linalg.eigh(ellipsoid.gate * ellipsoid.covariance[:2, :2])
+    centre = np.array([ellipsoid.centre.x, ellipsoid.centre.y])
+    outline: Array = centre + (_CIRCLE * np.sqrt(np.maximum(variances, 0.0))) @ axes.T
+    return outline
 
 
 def floor_rings(floor: MultiPolygon) -> list[Array]:

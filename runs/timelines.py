@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import rerun as rr
-from scipy.stats import chi2
 
-from maps.outcomes import Fix, Outcome
+from localization.ekf import quantile
+from maps.outcomes import Ambiguous, Fix, NoFix, Outcome
 from runs.palette import ODOMETRY, REJECTED, SMOOTHED, STATES, TRACKS, TRUTH, VISION, rgb
+from runs.rowbatch import RowBatch
 from runs.runlog import StepRecord
 
 #: Series by path, each with colour and legend; those of one path are logged together.
@@ -17,13 +18,21 @@ LINES = {
         (ODOMETRY, "map segments in the window"),
         (SMOOTHED, "matched pairs"),
     ),
+    "hypotheses": (
+        (ODOMETRY, "map segments in the window"),
+        (TRUTH, "poses scored"),
+        (VISION, "poses refined"),
+        (SMOOTHED, "places left"),
+    ),
     "timing": ((VISION, "extract, ms"), (SMOOTHED, "match, ms"), (ODOMETRY, "update, ms")),
     "nis/bound": ((REJECTED, "bound of the gate"),),
+    "drift/position/odometry": (TRACKS["odometry"],),
+    "drift/heading/odometry": (TRACKS["odometry"],),
     **{
         f"{plot}/{name}": (style,)
         for plot in ("position", "heading")
         for name, style in (*TRACKS.items(), ("three_sigma", (TRUTH, "3 sigma of filtered")))
-        if name != "vision"
+        if name not in ("vision", "odometry")
     },
 }
 
@@ -48,30 +57,51 @@ def style_plots(recording: rr.RecordingStream) -> None:
     recording.log("plots/state", states, static=True)
 
 
-def log_step_plots(recording: rr.RecordingStream, record: StepRecord, outcome: Outcome, gate: float) -> None:
+def log_step_plots(batch: RowBatch, record: StepRecord, outcome: Outcome, gate: float) -> None:
     """Log one look's point in every plot that has one; `gate`: share of good fixes that pass it."""
-    recording.log("plots/state", rr.StateChange(state=record.state))
-    _log(recording, "lines", record.segments, record.selected, record.matches)
-    _log(recording, "timing", record.extract_ms, record.match_ms, record.update_ms)
+    batch.add("plots/state", rr.StateChange, state=[record.state])
+    _log(batch, "lines", record.segments, record.selected, record.matches)
+    if record.hypotheses is not None:
+        kept = record.selected, record.hypotheses, outcome.look.refined, _places(outcome)
+        _log(batch, "hypotheses", *kept)
+    _log(batch, "timing", record.extract_ms, record.match_ms, record.update_ms)
     if record.nis is not None and isinstance(outcome, Fix):
-        dimensions = np.count_nonzero(outcome.belief.measured)
-        _log(recording, "nis/innovation", record.nis)
-        _log(recording, "nis/bound", float(chi2.ppf(gate, dimensions)))
+        dimensions = int(np.count_nonzero(outcome.belief.measured))
+        _log(batch, "nis/innovation", record.nis)
+        _log(batch, "nis/bound", quantile(gate, dimensions))
 
 
-def _log(recording: rr.RecordingStream, path: str, *values: float | None) -> None:
+def _log(batch: RowBatch, path: str, *values: float | None) -> None:
     """Log the points of a path's series; a gap in each that has none."""
     if any(value is not None for value in values):
         scalars = [np.nan if value is None else value for value in values]
-        recording.log(f"plots/{path}", rr.Scalars(scalars))
+        batch.add(f"plots/{path}", rr.Scalars, scalars=scalars)
 
 
-def log_decision(recording: rr.RecordingStream, frame: int, record: StepRecord) -> None:
-    """Log what became of one look, and why, as a line of text."""
+def log_decision(batch: RowBatch, frame: int, record: StepRecord, before: str) -> None:
+    """Log what became of one look, and why, as a line of text; and the state, where it is not as `before`."""
     words = [f"{frame}", record.outcome, record.verdict, record.reason]
     if record.matches:
         words.append(f"{record.matches} matches")
     if record.nis is not None:
         words.append(f"NIS {record.nis:.1f}")
-    level = rr.TextLogLevel.INFO if record.accepted else rr.TextLogLevel.WARN
-    recording.log("decisions", rr.TextLog("  ".join(word for word in words if word), level=level))
+    _say(batch, "decisions", "  ".join(word for word in words if word), good=record.accepted)
+    if record.state != before:
+        change = f"{frame}  {before} -> {record.state}" if before else f"{frame}  begins {record.state}"
+        _say(batch, "decisions/state", change, good=record.state == "TRACKING")
+
+
+def _say(batch: RowBatch, entity: str, text: str, *, good: bool) -> None:
+    level = rr.TextLogLevel.INFO if good else rr.TextLogLevel.WARN
+    batch.add(entity, rr.TextLog, text=[text], level=[level])
+
+
+def _places(outcome: Outcome) -> int:
+    """How many places an image is left with."""
+    match outcome:
+        case Fix():
+            return 1
+        case Ambiguous():
+            return len(outcome.beliefs)
+        case NoFix():
+            return 0

@@ -92,6 +92,17 @@ def errors_of(track: Trajectory, reference: Trajectory | None) -> Errors:
     return Errors(difference, track.covariances)
 
 
+def along_and_across(track: Trajectory, reference: Trajectory) -> tuple[Array, Array]:
+    """Return how far poses are off along the reference's heading and across it, not negative, (N,) metres each.
+
+    NaN where the reference's pose or heading is not known.
+    """
+    truth = interpolate(track.stamps_ns, reference)
+    east, north = (track.poses[:, :2] - truth[:, :2]).T
+    cos, sin = np.cos(truth[:, 2]), np.sin(truth[:, 2])
+    return np.abs(cos * east + sin * north), np.abs(cos * north - sin * east)
+
+
 def headings_known(track: Trajectory) -> Array:
     """Return the poses, (N, 3), with NaN for each heading that was not measured."""
     poses = track.poses.copy()

@@ -17,6 +17,7 @@ from maps.wiremap import WireMap
 from vision.camera import Camera
 from vision.lines import ImageSegments
 from vision.matcher import LineMatcher, MatcherConfig
+from vision.paper.interpretation import Interpretation
 from vision.paper.matcher import PaperConfig, PaperMatcher
 
 
@@ -51,14 +52,15 @@ class SearchCounts:
 class Answer:
     """What a method says of one image, and what it took.
 
-    `ms`: by stage. `counts`: None where a method does not enumerate. `exhausted`: whether it gave up before it
-    had tried all combinations.
+    `ms`: by stage. `counts`, `stages`: None where a method does not enumerate. `exhausted`: whether it gave up
+    before it had tried all combinations.
     """
 
     outcome: Outcome
     ms: Mapping[str, float] = field(default_factory=dict)
     counts: SearchCounts | None = None
     exhausted: bool = False
+    stages: Interpretation | None = None
 
     @property
     def total_ms(self) -> float:
@@ -119,7 +121,8 @@ class PaperMethod:
             products=found.hypotheses.possible,
             hypotheses=len(found.hypotheses),
         )
-        return Answer(matcher.outcome(segments, found, 0, window), found.stage_ms, counts, found.exhausted)
+        outcome = matcher.outcome(segments, found, 0, window)
+        return Answer(outcome, found.stage_ms, counts, found.exhausted, found)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from maps.wiremap import WireMap
 from runs.experiments.cases import Case
 from runs.experiments.judging import Category, judge
 from runs.experiments.methods import Method, SearchCounts
+from runs.experiments.recalls import Kept, recall_table, stage_recalls
 from runs.experiments.syntheticimage import SyntheticImage, draw_scene, synthetic_image
 
 #: Where the image itself cannot tell the position to this, its bound would outweigh all others.
@@ -29,7 +30,8 @@ class Trial:
     """One method on one image of one case.
 
     `error`: (3,) x, y, phi, NaN without a fix. `bound`: (3, 3) Cramer-Rao. `lines`: segments in the image,
-    `viewed` of them from the map. For the rest see `Answer`, `Judgement` and `Look`.
+    `viewed` of them from the map. `recalls`: what each stage keeps of what is true, None where a method has no
+    such stages. For the rest see `Answer`, `Judgement` and `Look`.
     """
 
     image: int
@@ -47,6 +49,7 @@ class Trial:
     right: int
     hypotheses: int
     counts: SearchCounts | None
+    recalls: Mapping[str, Kept] | None
     exhausted: bool
     ms: dict[str, float]
 
@@ -96,6 +99,7 @@ class SyntheticStudy:
     def _trial(self, number: int, method: Method, case: Case, image: SyntheticImage) -> Trial:
         answer = method.match_segments(image.camera, image.segments, image.window)
         judged = judge(answer, image.truth, image.bound, image.sources, self.wire_map)
+        stages = answer.stages
         return Trial(
             image=number,
             method=method.name,
@@ -112,6 +116,7 @@ class SyntheticStudy:
             right=judged.right,
             hypotheses=answer.outcome.look.hypotheses,
             counts=answer.counts,
+            recalls=stage_recalls(stages, image.sources, self.wire_map.endpoints) if stages else None,
             exhausted=answer.exhausted,
             ms=dict(answer.ms),
         )
@@ -141,6 +146,7 @@ def _figures(trials: Sequence[Trial]) -> dict[str, Any]:
     hypotheses = np.array([trial.hypotheses for trial in trials], float)
     total_ms = np.array([trial.total_ms for trial in trials])
     stages = dict.fromkeys(stage for trial in trials for stage in trial.ms)
+    recalls = [trial.recalls for trial in trials if trial.recalls is not None]
     return {
         **{category.value: counts[category] for category in Category},
         "ambiguous_with_truth": sum(trial.truth_listed for trial in trials),
@@ -157,6 +163,7 @@ def _figures(trials: Sequence[Trial]) -> dict[str, Any]:
             stage: float(np.median([trial.ms.get(stage, 0.0) for trial in trials])) for stage in stages
         },
         "exhausted": sum(trial.exhausted for trial in trials),
+        "recalls": recall_table(recalls) if recalls else None,
     }
 
 

@@ -9,6 +9,7 @@ from runs.experiments.cases import CASES, Case
 from runs.experiments.judging import Category
 from runs.experiments.output import Drawing, Grid, Report, figure_text
 from runs.experiments.published import TABLE_3, TABLE_3_IMAGES
+from runs.experiments.recalls import STAGES
 from runs.experiments.synthetic import Trial, summary
 from runs.experiments.syntheticfigures import hypotheses, outcomes, position_errors, stage_times
 
@@ -42,7 +43,7 @@ def synthetic_report(trials: Sequence[Trial], cases: Sequence[Case], images: int
         ),
         Drawing("times", f"Time by stage, {title}", stage_times(content["results"], shown)),
     )
-    grids = (_table_3(content), _figures(content))
+    grids = (_table_3(content), _figures(content), *_recalls(content))
     return Report("synthetic", "Synthetic images", content, grids, drawings, _rows(trials))
 
 
@@ -91,6 +92,32 @@ def _figures(content: dict[str, Any]) -> Grid:
         "(1 is honest) are over successes and consistent false positives."
     )
     return Grid("Search, accuracy and time", header, tuple(rows), remark)
+
+
+def _recalls(content: dict[str, Any]) -> tuple[Grid, ...]:
+    """What the constraints keep of what is true, for methods that have such stages; no table without any."""
+    results = [result for result in content["results"] if result["recalls"]]
+    if not results:
+        return ()
+    rows = [
+        (
+            CASES[result["case"]].title,
+            result["method"],
+            *(
+                text
+                for stage in STAGES
+                for text in (
+                    figure_text(result["recalls"][stage]["share"], 3),
+                    f"{result['recalls'][stage]['of']:,}",
+                )
+            ),
+        )
+        for result in results
+    ]
+    header = ("case", "method", *(text for stage in STAGES for text in (stage, "of")))
+    told = "; ".join(f"{stage}: {meaning}" for stage, meaning in STAGES.items())
+    remark = f"Shares of what is true that each stage keeps, of what the stages before left it. {told}."
+    return (Grid("Recall by stage", header, tuple(rows), remark),)
 
 
 def _rows(trials: Sequence[Trial]) -> tuple[tuple[object, ...], ...]:

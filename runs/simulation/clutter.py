@@ -30,7 +30,7 @@ class Clutter:
     """How much there is: pieces on ten metres of wall, pieces and people on ten square metres of floor."""
 
     furniture_per_10m: float = 8.0
-    posters_per_10m: float = 3.0
+    posters_per_10m: float = 6.0
     boxes_per_10m2: float = 0.8
     people_per_10m2: float = 0.2
 

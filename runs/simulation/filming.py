@@ -15,8 +15,8 @@ from runs.simulation.photograph import GreyImage, Photographer, Sensor
 from runs.simulation.scene import Scene
 from runs.tables import Times
 
-#: A robot's mast shakes: pitch and roll of each frame, standard deviation.
-SHAKE_RAD = math.radians(0.03)
+#: A robot's mast shakes: pitch and roll of each frame, standard deviation; a light robot on a rough floor.
+SHAKE_RAD = math.radians(0.06)
 #: Fast turns get more rays, one for each pixel that the picture smears, up to so many.
 _MOST_RAYS = 12
 

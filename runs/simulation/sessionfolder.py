@@ -15,7 +15,7 @@ import yaml
 from maps.documents import read_text
 from maps.errors import InputError
 from maps.mapfile import read_map
-from maps.poses import Array
+from maps.poses import Array, Pose2
 from maps.wiremap import WireMap
 from runs.results import StagedFolder, seconds
 from runs.robot import Robot, Start, read_robot
@@ -25,6 +25,7 @@ from runs.simulation.filming import Filming, frame_stamps
 from runs.simulation.fixes import FixErrors, SimulatedFixes, simulate_fixes
 from runs.simulation.freefloor import FreeFloor, NoRoomError
 from runs.simulation.manoeuvres import Motion
+from runs.simulation.observable import observed
 from runs.simulation.offsets import CALIBRATED, Offsets, true_robot
 from runs.simulation.paths import simulate_drive
 from runs.simulation.photograph import Sensor
@@ -33,6 +34,8 @@ from runs.simulation.synthetic import simulate_odometry, start_of
 from runs.simulation.wheels import TwistErrors, WheelErrors
 from runs.tables import Times
 from vision.encoding import jpeg
+from vision.images import read_image
+from vision.projection import Projector
 
 #: Called with how many frames are drawn, and of how many.
 Progress = Callable[[int, int], None]
@@ -93,6 +96,7 @@ def simulate_folder(out: Path, map_path: Path, robot_path: Path, recipe: Recipe,
             scene = scene_of(wire_map, recipe.conditions, draw[4], _eye_m(robot), drive.poses[::10, :2])
             frames = Filming(scene, robot, recipe.sensor).frames(drive, stamps_ns, draw[5])
             _write_frames(folder, frames, stamps_ns, robot.time_offset_ns, recipe.sensor.quality, progress)
+            _write_observable(folder, robot, wire_map, drive.at(stamps_ns))
             looks.append(stamps_ns)
         at = np.unique(np.concatenate(looks))
         _write_truth(folder / "ground_truth.csv", at, drive.at(at))
@@ -168,11 +172,25 @@ def _write_frames(
     (folder / "images").mkdir()
     rows = []
     for number, (image, stamp_ns) in enumerate(zip(frames, stamps_ns.tolist(), strict=True)):
-        name = f"images/{number:06d}.jpg"
+        name = _image_name(number)
         (folder / name).write_bytes(jpeg(image, quality))
         rows.append((seconds(stamp_ns - offset_ns), name))
         progress(number + 1, len(stamps_ns))
     _write_rows(folder / "frames.csv", ("timestamp_s", "filename"), rows)
+
+
+def _write_observable(folder: Path, robot: Robot, wire_map: WireMap, poses: Array) -> None:
+    """Count in the files as written what their map edges show, from where they were taken."""
+    assert robot.camera is not None
+    projector, rows = Projector(robot.camera, wire_map), []
+    for number, pose in enumerate(poses):
+        seen = observed(read_image(folder / _image_name(number)), projector, Pose2.from_array(pose))
+        rows.append((_image_name(number), str(seen.visible), str(seen.observable)))
+    _write_rows(folder / "observable.csv", ("filename", "visible", "observable"), rows)
+
+
+def _image_name(number: int) -> str:
+    return f"images/{number:06d}.jpg"
 
 
 def _write_rows(path: Path, header: Iterable[str], rows: Iterable[Iterable[str]]) -> None:

@@ -1,13 +1,14 @@
 """How fast the filter is, as ratios to filterpy's own predict and update with the same matrices.
 
-`make bench` prints the figures; pytest on this file with `--benchmark-only -s` these alone.
+Times are the processor's: others may run meanwhile. `make bench` prints the figures; pytest on this file with
+`--benchmark-only -s` these alone.
 """
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
-from time import perf_counter
+from collections.abc import Callable, Mapping
+from time import process_time
 from timeit import Timer
 
 import numpy as np
@@ -31,7 +32,7 @@ def step_to(count: int) -> OdometryStep:
 
 def fastest_us(function: Callable[[], object], number: int = 500) -> float:
     """The least mean of several: what disturbs only ever adds."""
-    return min(Timer(function).repeat(9, number)) / number * 1e6
+    return min(Timer(function, timer=process_time).repeat(9, number)) / number * 1e6
 
 
 def bare() -> ExtendedKalmanFilter:
@@ -79,24 +80,58 @@ def test_fix_on_time(benchmark):
     assert own <= 4.0 * theirs
 
 
+STEPS = [step_to(count) for count in range(1, 1001)]
+
+
+def perfect_fixes(back: int) -> dict[int, Fix]:
+    """Return for each step's number the fix that its end would have given `back` steps before."""
+    localizer, fixes = Localizer(START), dict[int, Fix]()
+    for number, step in enumerate(STEPS):
+        localizer.predict(step)
+        then = localizer.belief_at(step.stamp_ns - back * STEP_NS)
+        if then is not None:
+            fixes[number] = Fix(PoseBelief(then.stamp_ns, then.pose, 0.0025 * np.eye(3)))
+    return fixes
+
+
+def driven_us(fixes: Mapping[int, Fix]) -> float:
+    """Let a localizer follow all steps and fuse each fix after that of its number; the processor time."""
+    localizer = Localizer(START)
+    gc.collect()
+    gc.disable()
+    began = process_time()
+    for number, step in enumerate(STEPS):
+        localizer.predict(step)
+        if number in fixes:
+            localizer.fuse(fixes[number])
+    spent_us = (process_time() - began) * 1e6
+    gc.enable()
+    return spent_us
+
+
+def localizer_us(fixes: Mapping[int, Fix]) -> tuple[float, float]:
+    """Return what one of the localizer's predictions takes, and one of its fixes beyond that."""
+    plain, fused = (min(driven_us(looks) for _ in range(5)) for looks in ({}, fixes))
+    return plain / len(STEPS), (fused - plain) / len(fixes)
+
+
+def test_the_whole_localizer(benchmark):
+    """With several places, weights, trust and the history that a late look may rewind."""
+    own, fix = localizer_us(perfect_fixes(0))
+    predicted, updated = fastest_us(bare().predict), bare_update_us()
+    tell(
+        f"localizer's predict {own:.1f} us, {own / predicted:.1f} of filterpy's;",
+        f"fix on time {fix:.0f} us, {fix / updated:.1f} of filterpy's updates",
+    )
+    benchmark(Localizer(START).predict, STEPS[0])
+    assert own <= 8.0 * predicted
+    assert fix <= 10.0 * updated
+
+
 def test_late_fix(benchmark):
     """The localizer rewinds a second at 50 Hz: counted in its own predictions."""
-    localizer, predicted, fused = Localizer(START), list[float](), list[float]()
-    gc.disable()
-    for count in range(1, 1001):
-        step = step_to(count)
-        began = perf_counter()
-        localizer.predict(step)
-        predicted.append(perf_counter() - began)
-        if count > 100 and count % 20 == 0:
-            then = localizer.belief_at(step.stamp_ns - 50 * STEP_NS)
-            assert then is not None
-            fix = Fix(PoseBelief(then.stamp_ns, then.pose, 0.0025 * np.eye(3)))
-            began = perf_counter()
-            localizer.fuse(fix)
-            fused.append(perf_counter() - began)
-    gc.enable()
-    own, late = np.median(predicted) * 1e6, np.median(fused) * 1e6
+    fixes = {number: fix for number, fix in perfect_fixes(50).items() if number % 20 == 0}
+    own, late = localizer_us(fixes)
     tell(f"localizer's predict {own:.1f} us, fix 1 s late {late:.0f} us, ratio {late / own:.1f}")
-    benchmark(lambda: localizer.belief)
+    benchmark(Localizer(START).predict, STEPS[0])
     assert late <= 60.0 * own

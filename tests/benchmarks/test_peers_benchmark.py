@@ -175,7 +175,7 @@ def test_the_papers_method(benchmark, data, size):
 def compare(data: Path, size: tuple[float, float], makers: dict[str, Maker], frames: int) -> None:
     """Print what each method makes of the same looks; the one here must have most right and fewest wrong."""
     right, wrong = dict.fromkeys(makers, 0), dict.fromkeys(makers, 0)
-    errors, spent = {name: [] for name in makers}, {name: [] for name in makers}
+    errors, good, spent = ({name: [] for name in makers} for _ in range(3))
     looks = 0
     for name in SESSIONS:
         session = rendered_session(data / "rendered" / name)
@@ -195,13 +195,15 @@ def compare(data: Path, size: tuple[float, float], makers: dict[str, Maker], fra
                 if pose is None:
                     continue
                 errors[key].append(math.hypot(pose.x - frame.truth.x, pose.y - frame.truth.y))
-                right[key] += is_right(pose, frame.truth)
-                wrong[key] += not is_right(pose, frame.truth)
+                hit = is_right(pose, frame.truth)
+                right[key] += hit
+                wrong[key] += not hit
+                good[key] += errors[key][-1:] if hit else []
     print(f"\n{looks} looks at {size[0]:.2f} m, {math.degrees(size[1]):.0f} deg")
     for key in makers:
-        off = 100 * np.median(errors[key] or [np.nan])
+        off, near = (100 * np.median(of[key] or [np.nan]) for of in (errors, good))
         print(
-            f"{key}: right {right[key]}, wrong {wrong[key]}, off by {off:.1f} cm, "
+            f"{key}: right {right[key]}, wrong {wrong[key]}, off by {off:.1f} cm, right ones by {near:.1f} cm, "
             f"median {np.median(spent[key]):.1f} ms, mean {np.mean(spent[key]):.1f} ms"
         )
     assert all(right["here"] > right[key] for key in makers if key != "here")

@@ -49,6 +49,33 @@ def test_verdicts_and_window_growth():
     assert localizer.windows_at(3 * SECOND_NS)[0].dt_m <= first.dt_m
 
 
+def test_what_a_slip_may_have_done_has_a_window_until_a_fix_settles_it():
+    localizer = Localizer(KNOWN)
+    assert localizer.slip_windows_at(0) == ()
+    rolled = OdometryStep(0, SECOND_NS, 1.0, 0.0, np.diag([1e-3, 1e-3]), slip=10.0)
+    localizer.predict(rolled)
+    (usual,), (slipped,) = localizer.windows_at(SECOND_NS), localizer.slip_windows_at(SECOND_NS)
+    assert slipped.centre == usual.centre
+    # Three quarters of what chi-square grants at 99.9 %: 99 % will do for what is rare itself.
+    wider = (0.0004 + 1e-3 + 0.61 * 10.0 * 1e-3) / (0.0004 + 1e-3)
+    assert slipped.dphi_rad == pytest.approx(usual.dphi_rad * math.sqrt(wider), rel=0.01)
+    assert slipped.dt_m > 1.5 * usual.dt_m
+    localizer.fuse(seen(1.0, x=1.0 + math.cos(0.5), y=2.0 + math.sin(0.5)))
+    assert localizer.slip_windows_at(SECOND_NS) == ()
+    assert Localizer(None).slip_windows_at(SECOND_NS) == ()
+
+
+def test_three_looks_on_end_that_fit_nothing_are_searched_everywhere():
+    """Where the map shows nothing, nothing can be missing: the place stays likely, and may be wrong."""
+    localizer = Localizer(KNOWN)
+    for second in (1, 2, 3):
+        assert len(localizer.windows_at(second * SECOND_NS)) == 1
+        localizer.predict(still(second - 1, second))
+        localizer.fuse(NoFix(Reason.NOTHING_VISIBLE))
+    assert localizer.windows_at(3 * SECOND_NS)[-1] == SearchWindow.everywhere()
+    assert localizer.belief is not None
+
+
 def test_window_of_a_forgotten_stamp_is_about_the_newest_belief():
     localizer = Localizer(KNOWN)
     for start_s in range(10):
@@ -148,6 +175,22 @@ def nothing(stamp_s: float) -> tuple[NoFix, None, int]:
     """An image that shows none of the twenty edges that should be seen."""
     look = Look(lines_px=np.zeros((50, 2, 2)), predicted_px=np.zeros((20, 2, 2)))
     return NoFix(Reason.WEAK_EVIDENCE, look), None, int(stamp_s * SECOND_NS)
+
+
+def test_a_robot_carried_between_look_alikes_is_lost_until_one_is_left():
+    """The odds of one image are those of the next: they do not add up, and neither place is published."""
+    localizer = Localizer(KNOWN)
+    for second in range(1, 7):
+        localizer.predict(still(second - 1, second))
+        places = seen(second, x=8.0).belief, seen(second, y=-5.0).belief
+        localizer.fuse(Ambiguous(places, (0.7, 0.3)))
+        assert localizer.belief is None or localizer.belief.pose.x == pytest.approx(1.0)
+    assert localizer.state is State.LOST
+    (_, one), (_, other) = localizer.beliefs[:2]
+    assert one == pytest.approx(other, rel=0.01)
+    localizer.predict(still(6, 8))
+    assert isinstance(localizer.fuse(seen(7.0, y=-5.0)), Relocalized)
+    assert localizer.belief.pose.y == pytest.approx(-5.0, abs=0.01)
 
 
 def test_three_images_that_show_nothing_expected_are_doubted_and_a_fix_settles_it():

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from localization.ekf import Estimate, predict
 from localization.localizer import Localizer
 from localization.odometry import OdometryStep
 from localization.sightings import EvidenceConfig, Sighting, sighting_of
@@ -19,13 +20,16 @@ from maps.poses import Pose2
 STEP_NS = 100_000_000
 ANCHOR = PoseBelief(0, Pose2(0.0, 0.0, 3.0), np.diag([0.04, 0.04, 0.04]))
 PARTS = TimelineConfig(0.999, 1e9)
+SYSTEMATIC = np.array([[5e-3, 0.0, 0.0, 0.0], [0.0, 1e-2, 2e-3, 0.0], [0.0, 0.0, 0.0, 1e-3]])
 LOOK = Look(predicted_px=np.zeros((20, 2, 2)))
 
 
 def step_to(end: int) -> OdometryStep:
     turn = 0.1 * math.cos(end)
     noise = np.array([[1e-4, 1e-5], [1e-5, 4e-4]])
-    return OdometryStep((end - 1) * STEP_NS, end * STEP_NS, 0.1, turn, noise, 1e-5)
+    return OdometryStep(
+        *((end - 1) * STEP_NS, end * STEP_NS, 0.1, turn, noise, 1e-5), *(SYSTEMATIC, 0.01, 10.0)
+    )
 
 
 def place(stamp_ns: int, x: float = 0.0, y: float = 0.0, measured: bool = True) -> PoseBelief:
@@ -139,6 +143,32 @@ def test_a_look_ahead_of_odometry_is_judged_on_a_guess_and_again_on_the_step():
     ends = [of.mind_at(2 * STEP_NS).leading.estimate for of in (line, in_order)]
     assert ends[0].pose == ends[1].pose
     assert np.array_equal(ends[0].covariance, ends[1].covariance)
+
+
+def same(mind: Mind | None, estimate: Estimate) -> bool:
+    place = mind.leading.estimate
+    return place.pose == estimate.pose and np.array_equal(place.covariance, estimate.covariance)
+
+
+def test_without_looks_it_is_dead_reckoning_at_any_stamp():
+    line, one = timeline(2), predict(Estimate.of(ANCHOR), step_to(1))
+    assert same(line.mind_at(50_000_000), predict(Estimate.of(ANCHOR), step_to(1).part(0, 50_000_000)))
+    assert same(line.mind_at(STEP_NS), one)
+    assert same(line.mind_at(2 * STEP_NS), predict(one, step_to(2)))
+    ahead = line.mind_at(250_000_000).leading.estimate
+    assert ahead.stamp_ns == 250_000_000
+    assert line.mind_at(-1) is None
+
+
+def test_repeated_and_missing_odometry():
+    line, twice = timeline(), predict(predict(Estimate.of(ANCHOR), step_to(1)), step_to(2))
+    for end in (1, 1, 2, 1):
+        line.append(step_to(end))
+    assert same(line.mind_at(line.end_ns), twice)
+    line.append(step_to(5))
+    after = line.mind_at(line.end_ns).leading.estimate
+    assert after.stamp_ns == 5 * STEP_NS
+    assert after.covariance[0, 0] > twice.covariance[0, 0] + 0.03  # 0.2 m were guessed
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 1.0])

@@ -7,7 +7,7 @@ from scipy.stats import chi2, norm
 from localization.ekf import Estimate
 from localization.hypotheses import Hypotheses, Hypothesis
 from localization.trust import Mind
-from localization.window import WindowConfig, search_windows, window_about
+from localization.window import WindowConfig, WindowShape, search_windows, window_about
 from maps.outcomes import PoseBelief, SearchWindow
 from maps.poses import Pose2
 
@@ -26,6 +26,30 @@ def test_window_holds_the_worst_direction(phi):
     assert window.centre == Pose2(1.0, 2.0, 3.0)
     assert window.dt_m == pytest.approx(0.4 * math.sqrt(chi2.ppf(0.999, 2)))
     assert window.dphi_rad == pytest.approx(0.2 * norm.ppf(0.9995))
+
+
+def test_an_ellipse_holds_the_belief_and_no_corner_of_the_disc():
+    config, thin = WindowConfig(), belief(0.4, 0.1, 0.2, 0.7)
+    window = window_about(thin, 0, config)
+    along, across = np.array([math.cos(0.7), math.sin(0.7)]), np.array([-math.sin(0.7), math.cos(0.7)])
+    draws = np.random.default_rng(1).multivariate_normal(thin.pose.as_array(), thin.covariance, 5000)
+    held = np.mean([window.holds(Pose2.from_array(pose)) for pose in draws])
+    assert held == pytest.approx(0.998, abs=0.002)
+    for away, inside in ((1.4 * along, True), (0.35 * across, True), (0.7 * across, False)):
+        pose = Pose2(*(thin.pose.as_array()[:2] + away), thin.pose.phi)
+        assert window.holds(pose) is inside
+        assert window_about(thin, 0, WindowConfig(shape=WindowShape.DISC)).holds(pose)
+
+
+@pytest.mark.parametrize("misses", [0, 2])
+def test_an_ellipse_is_nowhere_thinner_than_the_floors(misses):
+    config = WindowConfig(floor_m=0.2, floor_rad=0.1, growth=2.0)
+    window = window_about(belief(0.5, 0.001, 0.001, 0.7), misses, config)
+    for angle in np.linspace(0.0, 6.0, 13):
+        away = 0.199 * config.growth**misses * np.array([math.cos(angle), math.sin(angle)])
+        for side in (-1.0, 0.0, 1.0):
+            turn = side * 0.099 * config.growth**misses
+            assert window.holds(Pose2(1.0 + away[0], 2.0 + away[1], 3.0 + turn))
 
 
 def test_window_has_floors_grows_and_is_capped():

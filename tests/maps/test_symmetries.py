@@ -9,7 +9,7 @@ import numpy as np
 from toy_building import Building, hall
 
 from maps.poses import Pose2
-from maps.symmetries import symmetries_of
+from maps.symmetries import motions_of, symmetries_of
 from maps.wiremap import WireMap
 
 
@@ -68,3 +68,15 @@ def test_standing_still_is_no_motion(tmp_path: Path) -> None:
     symmetries = symmetries_of(hall([2.0, 4.5]).read(tmp_path))
     moves = np.hypot(symmetries.motions[:, 0], symmetries.motions[:, 1])
     assert ((moves > 0.3) | (np.abs(symmetries.motions[:, 2]) > 0.05)).all()
+
+
+def test_motions_of_some_edges_carry_these(tmp_path: Path) -> None:
+    wire_map = two_rooms(tmp_path, math.pi / 2.0)
+    here = np.array([row for row, name in enumerate(wire_map.names) if name.startswith("here")])
+    motions = motions_of(wire_map, here)
+    np.testing.assert_allclose(motions[0], [20.0, 0.0, math.pi / 2.0], atol=0.01)
+    # The way back is no motion of these.
+    back = Pose2(20.0, 0.0, math.pi / 2.0).inverse()
+    away = np.abs(motions - back.as_array())
+    assert away.max(axis=1).min() > 0.3
+    assert motions_of(wire_map, here[:3]).shape == (0, 3)

@@ -27,7 +27,7 @@ from vision.camera import Camera
 Command = Callable[..., Any]
 
 #: Looking at the poster, one second apart.
-POSES = tuple(Pose2(5.2 + 0.2 * k, 0.6 + 0.3 * (k % 3), 1.45 - 0.1 * (k % 4)) for k in range(7))
+POSES = tuple(Pose2(5.2 + 0.15 * k, 0.6 + 0.3 * (k % 3), 1.45 - 0.1 * (k % 4)) for k in range(9))
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_a_run_teaches_the_map(wireloc: Command, drive: tuple[Path, Path, Path],
     ended = wireloc("map", "learn", house, run, "--out", out, "--picture", plan, "--json")
     assert ended.code == 0, ended.err
     content = json.loads(ended.out)
-    assert content["runs"] == [{"run": "run", "frames": 7, "trusted": 7, "used": 7}]
+    assert content["runs"] == [{"run": "run", "frames": 9, "trusted": 9, "used": 9}]
     before, after = read_map(house), read_map(out)
     assert after.names == before.names
     assert np.array_equal(after.endpoints, before.endpoints)
@@ -101,7 +101,7 @@ def test_the_table_names_kinds(wireloc: Command, drive: tuple[Path, Path, Path],
     house, run, _ = drive
     ended = wireloc("map", "learn", house, run, "--out", tmp_path / "learnt.yaml")
     assert ended.code == 0
-    assert "run: 7 of 7 frames" in ended.out
+    assert "run: 9 of 9 frames" in ended.out
     assert "panel" in ended.out
 
 

@@ -4,15 +4,24 @@ import csv
 import json
 import re
 import shutil
+import subprocess
+from html.parser import HTMLParser
 from xml.etree import ElementTree
 
+import cv2
+import numpy as np
 import pytest
 
 from maps.errors import InputError
+from runs.config import RunConfig
 from runs.folder import read_run
+from runs.logdetail import LogDetail
+from runs.navigation import Watching, navigate
 from runs.page import number, page, table
 from runs.plots import cumulative, errors_over_time, plan, svg
 from runs.report import write_report
+from runs.session import read_session
+from runs.worst import WORST
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +53,7 @@ def change_steps(folder, **cells):
 def test_report_needs_nothing_from_outside(run):
     html = (run / "report.html").read_text()
     links = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", html)
-    assert all(link.startswith("#") for link in links)
+    assert all(link.startswith(("#", "data:")) for link in links)
     assert "@import" not in html
     assert not re.findall(r"url\((?!#)", html)
     assert "<script" not in html
@@ -110,3 +119,85 @@ def test_page_and_table_escape():
     assert "<b>" not in page("<b>", [table(["<b>"], [["<b>"]])])
     assert number(None) == "-"
     assert number(1.23456, " m", 2) == "1.23 m"
+
+
+class Frame(HTMLParser):
+    """Gathers a page's headings in order, and the captions of its pictures."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.headings, self.captions = "", [], []
+
+    def handle_starttag(self, tag, attrs):  # noqa: ARG002
+        self.open = tag
+
+    def handle_data(self, data):
+        if self.open == "h2" and data.strip():
+            self.headings.append(data)
+        if self.open == "figcaption" and data.strip():
+            self.captions.append(data)
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory, sample):
+    """Return the run folder of the first seconds of the bundled session, images and all."""
+    folder = tmp_path_factory.mktemp("drawn") / "session"
+    shutil.copytree(sample, folder)
+    lines = (folder / "frames.csv").read_text().splitlines(keepends=True)
+    (folder / "frames.csv").write_text("".join(lines[:9]))
+    lines = (folder / "odometry.csv").read_text().splitlines(keepends=True)
+    (folder / "odometry.csv").write_text("".join(lines[:600]))
+    # A covered lens.
+    fourth = folder / lines_of(folder / "frames.csv", "filename")[3]
+    cv2.imwrite(str(fourth), np.zeros((480, 640), np.uint8))
+    out = folder.parent / "out"
+    navigate(read_session(folder), RunConfig(), out, lambda *_: None, Watching(LogDetail.OFF))
+    return out
+
+
+def lines_of(path, column):
+    with path.open(newline="") as file:
+        return [row[column] for row in csv.DictReader(file)]
+
+
+def test_report_shows_the_worst_frames_and_why(drawn):
+    page = Frame()
+    html = (drawn / "report.html").read_text()
+    page.feed(html)
+    assert len(page.captions) == html.count("data:image/jpeg;base64,") == WORST
+    assert "no fix: TOO_FEW_SEGMENTS, hardly any lines" in page.captions[0]
+    assert " off" in page.captions[1]
+
+
+def test_report_goes_from_plan_and_table_to_configuration(drawn):
+    html = (drawn / "report.html").read_text()
+    page = Frame()
+    page.feed(html)
+    assert html.index("<svg") < html.index("<dl>") < html.index("<table") < html.index("<figure")
+    assert page.headings[0] == "Accuracy"
+    assert page.headings[1] == f"The worst {WORST} frames"
+    assert page.headings[-1] == "Configuration"
+
+
+def test_report_in_a_browser(drawn, tmp_path):
+    """Open it at a phone's width: nothing said on the console, nothing asked for, and not blank."""
+    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if browser is None:
+        pytest.skip("needs Chromium")
+    page = tmp_path / "report.html"
+    # Whatever the page tried to fetch or run would be refused, and told on the console.
+    policy = (
+        '<meta http-equiv="Content-Security-Policy" '
+        "content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'\">"
+    )
+    page.write_text((drawn / "report.html").read_text().replace("<head>", f"<head>{policy}", 1))
+    picture = tmp_path / "report.png"
+    command = [browser, "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"]
+    command += [f"--user-data-dir={tmp_path / 'profile'}", "--enable-logging=stderr", "--v=0"]
+    command += ["--window-size=412,3000", f"--screenshot={picture}", page.as_uri()]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert "CONSOLE" not in ended.stderr
+    shown = cv2.imread(str(picture))
+    assert shown.shape[1] == 412
+    # The pictures are there: grey photographs, not a blank page.
+    assert np.mean(shown.min(axis=2) < 200) > 0.1

@@ -168,6 +168,34 @@ def test_image_of_another_size(two_frames):
         run(two_frames)
 
 
+def with_broken(session, folder, broken):
+    """Return a session of which the frames with these numbers are files that are no images."""
+    path = folder / "broken.jpg"
+    path.write_bytes(b"no image")
+    frames = [
+        dataclasses.replace(frame, path=path) if number in broken else frame
+        for number, frame in enumerate(session.frames)
+    ]
+    return dataclasses.replace(session, frames=tuple(frames))
+
+
+def test_a_broken_image_shows_nothing_and_the_run_goes_on(two_frames, tmp_path, caplog):
+    session = with_broken(two_frames, tmp_path, {0})
+    result = run(session)
+    first, second = result.records
+    assert (first.outcome, first.reason, first.verdict) == ("NO_FIX", "UNREADABLE_IMAGE", "MISSED")
+    assert second.outcome == "FIX"
+    assert evaluate(session, result, None)["vision"]["no_fix"] == {"UNREADABLE_IMAGE": 1}
+    (warning,) = caplog.messages
+    assert warning.startswith("1 images cannot be read, the first: ")
+    assert "broken.jpg" in warning
+
+
+def test_broken_images_alone_are_bad_input(two_frames, tmp_path):
+    with pytest.raises(InputError, match=r"broken\.jpg: not an image"):
+        run(with_broken(two_frames, tmp_path, {0, 1}))
+
+
 def test_a_session_without_a_pose_finds_one(toy):
     """Two looks that agree; nothing is published before."""
     session = dataclasses.replace(read_session(toy), initial=None)

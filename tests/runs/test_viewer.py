@@ -1,13 +1,16 @@
 """Looking at recordings: pictures without a screen, and what is told where that cannot be."""
 
+from types import SimpleNamespace
+
 import cv2
 import pytest
 import rerun as rr
 
 from maps.errors import InputError, MissingExtraError
 from runs import viewer
+from runs.blueprint import TABS
 from runs.runlog import COLUMNS
-from runs.viewer import screenshot, view
+from runs.viewer import recording_of, screenshot, start_viewer, view
 
 
 @pytest.fixture
@@ -35,6 +38,44 @@ def test_missing_recording_is_named(tmp_path):
 def test_missing_folder_of_the_picture_is_named(run, tmp_path):
     with pytest.raises(InputError, match="no such folder"):
         screenshot(run, tmp_path / "nowhere" / "picture.png")
+
+
+def test_tab_that_is_none_is_told(run, tmp_path):
+    with pytest.raises(InputError, match="--tab: one of where, why"):
+        screenshot(run, tmp_path / "picture.png", tab="weather")
+
+
+def test_any_recording_can_be_named(run, tmp_path):
+    assert recording_of(run / "run.rrd") == run / "run.rrd"
+    (run / "run.rrd").rename(tmp_path / "comparison.rrd")
+    assert recording_of(tmp_path) == tmp_path / "comparison.rrd"
+
+
+def test_viewer_without_a_screen_is_told_before_the_run(monkeypatch):
+    monkeypatch.setattr(viewer, "VIEWER", "/bin/false")
+    with pytest.raises(MissingExtraError, match="mesa-vulkan-drivers"):
+        start_viewer()
+
+
+@pytest.mark.parametrize("tab", TABS)
+def test_each_tab_comes_to_the_front(tab):
+    boards = []
+    tabs = {
+        f"container/{name}": {"ContainerBlueprint": {"display_name": title}} for name, title in TABS.items()
+    }
+    outer = {"container_kind": "Tabs", "contents": list(tabs), "active_tab": "container/where"}
+    board = {
+        "/container/0": {"ContainerBlueprint": outer},
+        **{f"/{path}": part for path, part in tabs.items()},
+    }
+    client = SimpleNamespace(
+        get_blueprint=lambda: SimpleNamespace(blueprint=board),
+        set_blueprint=lambda *told: boards.append(told),
+    )
+    viewer._bring_to_front(client, tab)
+    ((shown, of),) = boards
+    assert of == "recording"
+    assert shown["/container/0"]["ContainerBlueprint"]["active_tab"] == f"container/{tab}"
 
 
 def test_viewer_that_ends_at_once_names_the_package(run, tmp_path, monkeypatch):

@@ -37,6 +37,13 @@ def test_synthetic_writes_json_tables_figures_and_a_page(wireloc: Command, tmp_p
         assert set(result["hypotheses"]) == {"median", "p90", "max"}
         assert set(result["ms"]) == {"median", "p90"}
         assert result["wrong_strict"] <= 3
+    assert found["default", "qi1"]["recalls"] is None
+    recalls = found["paper", "qi1"]["recalls"]
+    assert list(recalls) == ["selection", "vertical", "unary", "binary"]
+    # Where the truth is in the window every true edge is selected; two deviations lose few pairs.
+    assert recalls["selection"]["share"] == 1.0
+    assert all(0.7 <= stage["share"] <= 1.0 for stage in recalls.values())
+    assert "Recall by stage" in ended.out
     with (out / "trials.csv").open(newline="") as file:
         assert len(list(csv.DictReader(file))) == 12
     page = (out / "report.html").read_text()

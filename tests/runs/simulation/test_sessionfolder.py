@@ -60,6 +60,10 @@ def test_images_read_back_at_their_poses(wireloc: Command, files: tuple[Path, Pa
     assert read_image(session.frames[0].path).shape == (120, 160)
     rows = (out / "ground_truth.csv").read_text().splitlines()
     assert len(rows) == len(session.frames) + 1
+    observable = (out / "observable.csv").read_text().splitlines()
+    assert observable[0] == "filename,visible,observable"
+    assert [row.split(",")[0] for row in observable[1:]] == [frame.filename for frame in session.frames]
+    assert any(int(row.split(",")[1]) > 0 for row in observable[1:])
     assert (out / "robot.yaml").read_text().startswith("# The robot.")
 
 
