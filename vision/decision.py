@@ -19,7 +19,7 @@ class DecisionConfig:
     #: A fix needs this much evidence over chance (nats), and this many different segments.
     min_score: float = 10.0
     #: And this many times the logarithm of the number of poses that were tried.
-    tried_weight: float = 2.4
+    tried_weight: float = 2.7
     min_matched: int = 6
     #: Poses this near each other are one place; their spread goes into the covariance.
     same_place_m: float = 0.30

@@ -34,7 +34,10 @@ class LeanImages:
 
     def read(self, path: Path) -> bytes | None:
         """Return a file as it is where it is a small JPEG, else encoded anew; None where it cannot be read."""
-        data = path.read_bytes()
+        return self.lean(path.read_bytes())
+
+    def lean(self, data: bytes) -> bytes | None:
+        """Return a file's bytes as they are where they are a small JPEG, else encoded anew; None if no image."""
         if data.startswith(_JPEG_MAGIC) and len(data) <= self._most_bytes:
             return data
         # Its file is for people to look at: eight bits and its colours.

@@ -24,6 +24,8 @@ from vision.constraints import Correspondences
 class HypothesisConfig:
     """How many hypotheses, and how coarse."""
 
+    #: The longest lines form couples; the short ones among many are mostly clutter.
+    max_lines: int = 100
     #: Couples tried; above this an even sample of them.
     max_couples: int = 20_000
     #: Position lines that cross at a smaller angle fix the position too badly.
@@ -82,6 +84,26 @@ def grid_hypotheses(window: SearchWindow, config: HypothesisConfig) -> Array:
     # A pose at the rim may have its node outside, half a step away.
     half = 0.5 * np.array([config.grid_m, config.grid_m, config.grid_rad])
     return result[window.ellipsoid.widened(half).holds(result)]
+
+
+@njit(cache=True, nogil=True)
+def spaced(poses: Array, number: int, apart_m: float, apart_rad: float) -> NDArray[np.int64]:
+    """Return up to `number` rows of poses (H, 3), from the first on, each at some distance from all before."""
+    chosen = np.empty(number, np.int64)
+    count = 0
+    for row in range(len(poses)):
+        if count == number:
+            break
+        free = True
+        for at in range(count):
+            x, y, phi = poses[chosen[at]] - poses[row]
+            if x * x + y * y < apart_m * apart_m and abs(_wrapped(phi)) < apart_rad:
+                free = False
+                break
+        if free:
+            chosen[count] = row
+            count += 1
+    return chosen[:count]
 
 
 def _bound(window: SearchWindow) -> tuple[Array, Array]:

@@ -33,14 +33,24 @@ def read_image(path: Path) -> GreyImage:
     Colour becomes its luminance, whatever its opacity; deeper images keep the upper eight of the bits that
     their values use, of 10, 12 or 16.
     """
+    return decode_image(read_bytes(path), path)
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return an image file as it is; InputError where it is missing or larger than any image."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(path, "", f"larger than {MAX_BYTES // 2**20} MB")
-        data = np.fromfile(path, np.uint8)
+        return path.read_bytes()
     except FileNotFoundError:
         raise InputError(path, "", "no such file") from None
     except OSError as error:
         raise InputError(path, "", error.strerror or str(error)) from None
+
+
+def decode_image(content: bytes, path: Path) -> GreyImage:
+    """Return an image file's bytes as `read_image` would; `path` is named where they are not an image."""
+    data = np.frombuffer(content, np.uint8)
     try:
         with _muted():
             image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH) if len(data) else None

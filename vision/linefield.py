@@ -88,8 +88,10 @@ def field_scores(
     rate = np.clip(np.where(np.isnan(rate), config.detection_rate, rate), 0.05, 0.95)
     camera, mount = projector.camera, projector.camera.mount
     level_from_optical = rotation_y(mount.pitch_down_rad) @ rotation_x(mount.roll_rad) @ BASE_FROM_OPTICAL
+    half = _BINS // 2
     return _scores(
         field.nearness,
+        np.maximum(field.nearness[:half], field.nearness[half:]),
         np.array([*field.origin_px, field.cell_px]),
         np.log(field.chance),
         np.log1p(-field.chance),
@@ -147,6 +149,7 @@ def _spread(nearness: NDArray[np.uint8], ends: Array, widths: Array, flip: NDArr
 @njit(cache=True, nogil=True)
 def _scores(
     nearness: NDArray[np.uint8],
+    either_way: NDArray[np.uint8],
     grid: Array,
     log_chance: Array,
     log_no_chance: Array,
@@ -165,6 +168,10 @@ def _scores(
     bins = nearness.shape[0]
     scores = np.zeros(len(poses))
     ends = np.empty((2, 3))
+    # Normals of the planes that bound the view on the left and on the right, inwards, in the level frame.
+    sides = np.empty((2, 3))
+    sides[0] = level_from_optical[:, 0] - bounds[0] * level_from_optical[:, 2]
+    sides[1] = bounds[1] * level_from_optical[:, 2] - level_from_optical[:, 0]
     for h in range(len(poses)):
         x, y, phi = poses[h]
         psi = phi + mount[3]
@@ -172,6 +179,8 @@ def _scores(
         centre_x = x + math.cos(phi) * mount[0] - math.sin(phi) * mount[1]
         centre_y = y + math.sin(phi) * mount[0] + math.cos(phi) * mount[1]
         for p in range(starts[views[h]], starts[views[h] + 1]):
+            if _beside(pieces[p], centre_x, centre_y, mount[2], cos, sin, sides):
+                continue
             for end in range(2):
                 east, north = pieces[p, end, 0] - centre_x, pieces[p, end, 1] - centre_y
                 ahead, left, up = (
@@ -196,18 +205,19 @@ def _scores(
             turn = math.atan2(v1 - v0, u1 - u0) / (2.0 * math.pi) * bins
             first = math.floor(turn + 0.5) % bins
             second = (first + bins // 2) % bins
+            plane = either_way[first % (bins // 2)]
             if worth[_POLARITY, p] > 0.5:
-                second = first
+                second, plane = first, nearness[first]
             elif worth[_POLARITY, p] < -0.5:
-                first = second
+                first, plane = second, nearness[second]
             looks = max(int(min(length / unit_px, max_units)), 1) + 1
             near = 0.0
             for at in range(looks):
                 along = (at + 0.5) / looks
                 column = int((u0 + along * (u1 - u0) - grid[0]) / grid[2])
                 row = int((v0 + along * (v1 - v0) - grid[1]) / grid[2])
-                if 0 <= row < nearness.shape[1] and 0 <= column < nearness.shape[2]:
-                    near += max(nearness[first, row, column], nearness[second, row, column])
+                if 0 <= row < plane.shape[0] and 0 <= column < plane.shape[1]:
+                    near += plane[row, column]
             near /= 255.0 * looks
             units = min(length / unit_px, max_units)
             chance = 0.5 * (log_chance[first] + log_chance[second])
@@ -216,6 +226,20 @@ def _scores(
             miss = min(worth[_MISS, p] - no_chance, 0.0)
             scores[h] += units * (near * hit + (1.0 - near) * miss)
     return scores
+
+
+@njit(cache=True, nogil=True)
+def _beside(piece: Array, x: float, y: float, z: float, cos: float, sin: float, sides: Array) -> bool:
+    """Whether a piece lies beside the view: most do, and need no closer look."""
+    for side in range(2):
+        ahead, left, up = sides[side, 0], sides[side, 1], sides[side, 2]
+        east, north = cos * ahead - sin * left, sin * ahead + cos * left
+        if (
+            east * (piece[0, 0] - x) + north * (piece[0, 1] - y) + up * (piece[0, 2] - z) <= 0.0
+            and east * (piece[1, 0] - x) + north * (piece[1, 1] - y) + up * (piece[1, 2] - z) <= 0.0
+        ):
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)

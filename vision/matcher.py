@@ -17,7 +17,7 @@ from vision.camera import Camera
 from vision.constraints import unary_correspondences
 from vision.decision import DecisionConfig, decide
 from vision.globalsearch import GlobalConfig, floor_hypotheses, floor_views
-from vision.hypotheses import HypothesisConfig, couple_hypotheses, grid_hypotheses
+from vision.hypotheses import HypothesisConfig, couple_hypotheses, grid_hypotheses, spaced
 from vision.images import GreyImage
 from vision.linefield import FieldConfig, field_scores, line_field
 from vision.lines import ImageSegments, LineConfig, extract_segments
@@ -54,7 +54,7 @@ class MatcherConfig:
     wide_m: float = 2.0
     floor: GlobalConfig = field(default_factory=GlobalConfig)
     #: Hypotheses that are refined, and how far apart they must be to count as different.
-    refined: int = 10
+    refined: int = 8
     #: While tracking, in a window this small, few of them suffice: all lie near the truth.
     near_m: float = 0.2
     near_rad: float = math.radians(4.0)
@@ -210,6 +210,8 @@ class LineMatcher:
         """Poses (H, 3) of the window: those that couples of correspondences agree on, and a grid."""
         config = self.config.hypotheses
         couples = []
+        longest = np.sort(np.argsort(-segments.lengths_px, kind="stable")[: config.max_lines])
+        segments = segments[longest]
         for part, predicted in slices:
             pairs = unary_correspondences(self.camera, self.wire_map, segments, predicted, part)
             couples.append(couple_hypotheses(self.camera, pairs, part, config))
@@ -232,16 +234,9 @@ class LineMatcher:
 
     def _best_that_differ(self, poses: Array, scores: Array, number: int) -> list[Pose2]:
         """The best hypotheses by quick score, each at some distance from all better ones."""
-        chosen = np.zeros((0, 3))
-        for pose in poses[np.argsort(-scores, kind="stable")]:
-            away = chosen - pose
-            near = np.hypot(away[:, 0], away[:, 1]) < self.config.apart_m
-            near &= np.abs(wrap_angle(away[:, 2])) < self.config.apart_rad
-            if not near.any():
-                chosen = np.vstack([chosen, pose])
-            if len(chosen) == number:
-                break
-        return [Pose2.from_array(pose) for pose in chosen]
+        best_first = poses[np.argsort(-scores, kind="stable")]
+        chosen = spaced(best_first, number, self.config.apart_m, self.config.apart_rad)
+        return [Pose2.from_array(pose) for pose in best_first[chosen]]
 
     def _looked_at(self, candidate: Candidate, look: Look) -> Look:
         """The look with what the best candidate predicts and pairs."""
