@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps.outcomes import Look, NoFix, Outcome, PoseBelief, Reason, SearchWindow
-from maps.poses import Array, Pose2, wrap_angle
+from maps.poses import Array, Pose2
 from maps.regions import ViewRegions
 from maps.wiremap import WireMap
 from vision.camera import Camera

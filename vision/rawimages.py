@@ -72,7 +72,7 @@ def raw_png(raw: RawImage) -> bytes:
         )
     rows = raw.data[: raw.row_bytes * raw.height].reshape(raw.height, raw.row_bytes)[:, :used]
     pixels = np.ascontiguousarray(rows).view(np.dtype(depth).newbyteorder(">" if raw.big_endian else "<"))
-    image = np.asarray(pixels, depth).reshape(raw.height, raw.width, channels)
+    image: NDArray[Any] = np.asarray(pixels, depth).reshape(raw.height, raw.width, channels)
     if conversion is None:
         return png(image[:, :, 0] if channels == 1 else image)
     try:
