@@ -108,7 +108,7 @@ def _why(shown: Arrangement) -> rrb.Container:
         top = rrb.Horizontal(_camera(lines=True), window, column_shares=[1, 1])
         plots = [
             _plot(shown, "lines", "Lines and matches"),
-            _plot(shown, "hypotheses", "What is left, stage by stage"),
+            _plot(shown, "hypotheses", "What is left, stage by stage", POSES_SHOWN),
             *plots,
         ]
     return rrb.Vertical(top, rrb.Horizontal(*plots), row_shares=[5, 2], name=TABS["why"])

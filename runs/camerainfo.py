@@ -58,14 +58,26 @@ def read_camera_info(path: Path) -> Camera:
     InputError names the key that is missing, does not fit, or tells of a lens that the models do not have.
     """
     info = checked(_CameraInfo, read_yaml(path), path)
-    if info.distortion_model not in _MODELS:
+    size = info.image_width, info.image_height
+    return camera_of_info(
+        path, size, info.distortion_model, info.camera_matrix.data, info.distortion_coefficients.data
+    )
+
+
+def camera_of_info(
+    path: Path, size: tuple[int, int], ros_model: str, camera_matrix: list[float], given: list[float]
+) -> Camera:
+    """Return the camera of ROS's numbers: its (width, height), D's model, K row by row, and D.
+
+    InputError names the key that does not fit, or tells of a lens that the models do not have.
+    """
+    if ros_model not in _MODELS:
         known = ", ".join(_MODELS)
-        raise InputError(path, "distortion_model", f"{info.distortion_model!r} is none of {known}")
-    model, count = _MODELS[info.distortion_model]
-    given = info.distortion_coefficients.data
+        raise InputError(path, "distortion_model", f"{ros_model!r} is none of {known}")
+    model, count = _MODELS[ros_model]
     if any(given[count:]):
         raise InputError(path, "distortion_coefficients", f"only the first {count} may differ from zero")
-    matrix = np.array(info.camera_matrix.data)
+    matrix = np.array(camera_matrix)
     if len(matrix) != 9 or not (matrix[0] > 0.0 and matrix[4] > 0.0):
         raise InputError(path, "camera_matrix", "not that of a calibrated camera: fx and fy above zero")
     if matrix[[1, 3, 6, 7]].any() or matrix[8] != 1.0:
@@ -73,18 +85,22 @@ def read_camera_info(path: Path) -> Camera:
     distortion = np.zeros(count)
     distortion[: min(len(given), count)] = given[:count]
     fx, fy, cx, cy = matrix[[0, 4, 2, 5]].tolist()
-    return Camera(model, info.image_width, info.image_height, fx, fy, cx, cy, distortion, CameraMount())
+    return Camera(model, *size, fx, fy, cx, cy, distortion, CameraMount())
+
+
+def ros_model_of(camera: Camera) -> str:
+    """Return ROS's name of a camera's model."""
+    return next(ros for ros, (model, _) in _MODELS.items() if model is camera.model)
 
 
 def write_camera_info(path: Path, camera: Camera, name: str = "camera") -> None:
     """Write a camera for ROS; rectified images keep its intrinsics. There whole, or not at all."""
-    ros_model = next(ros for ros, (model, _) in _MODELS.items() if model is camera.model)
     content = {
         "image_width": camera.width,
         "image_height": camera.height,
         "camera_name": name,
         "camera_matrix": _plain(camera.matrix),
-        "distortion_model": ros_model,
+        "distortion_model": ros_model_of(camera),
         "distortion_coefficients": _plain(camera.distortion[None]),
         "rectification_matrix": _plain(np.eye(3)),
         "projection_matrix": _plain(np.column_stack([camera.matrix, np.zeros(3)])),

@@ -23,7 +23,9 @@ from runs.cli_experiment import experiment_app
 from runs.cli_lines import extract_lines
 from runs.cli_locate import locate_image
 from runs.cli_map import map_app
+from runs.cli_session import JointsOption, RobotOption, TopicOption, session_app
 from runs.cli_simulate import simulate
+from runs.cli_sweep import sweep
 from runs.logdetail import LogDetail
 from runs.options import numbers
 from runs.palette import TRACKS
@@ -44,6 +46,7 @@ app = typer.Typer(
 )
 app.add_typer(map_app, name="map")
 app.add_typer(experiment_app, name="experiment")
+app.add_typer(session_app, name="session")
 app.command("lines")(extract_lines)
 app.command("locate")(locate_image)
 app.command("calibrate")(calibrate_camera)
@@ -51,6 +54,7 @@ app.command("calibrate-robot")(calibrate_robot_command)
 app.command("view")(view_run)
 app.command("compare")(compare_runs)
 app.command("simulate")(simulate)
+app.command("sweep")(sweep)
 
 
 def main() -> None:
@@ -83,7 +87,7 @@ def _options(
 
 @app.command()
 def run(
-    session: Annotated[Path, typer.Argument(metavar="SESSION", help="Session folder.")],
+    session: Annotated[Path, typer.Argument(metavar="SESSION", help="Session folder, or a ROS bag.")],
     map_: Annotated[
         Path | None, typer.Option("--map", metavar="FILE", help="Map, if not the session's.")
     ] = None,
@@ -106,17 +110,24 @@ def run(
     connect: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="Watch it in a rerun viewer that is open already.")
     ] = None,
+    mcap: Annotated[
+        bool, typer.Option("--mcap", help="Write the results as run.mcap too, for ROS tools.")
+    ] = False,
+    robot: RobotOption = None,
+    topic: TopicOption = None,
+    joints: JointsOption = None,
 ) -> None:
     """Run a whole navigation session: table, run folder, recording."""
     from runs.config import RunConfig, read_config
     from runs.navigation import Watching, navigate
+    from runs.opening import Reading, open_session, wanted_topics
     from runs.results import default_folder, point_latest
-    from runs.session import read_session
 
     parameters = read_config(config) if config else RunConfig()
-    drive = _started(read_session(session, map_), initial_pose, initial_std, lost)
+    reading = Reading(map_, robot, wanted_topics(topic or [], joints))
+    drive = _started(open_session(session, reading), initial_pose, initial_std, lost)
     folder = out or default_folder(drive.name, datetime.now())
-    watching = Watching(log, _viewer(view, connect))
+    watching = Watching(log, _viewer(view, connect), mcap)
     with progress_bar(drive.name) as progress:
         navigation = navigate(drive, parameters, folder, progress, watching)
     if out is None:

@@ -74,7 +74,5 @@ def simulate(
         fixes=FixErrors(outlier_share=outliers) if fixes else None,
     )
     with progress_bar(out.name) as progress:
-        simulate_folder(
-            out, map_ or _SAMPLE / "map.yaml", robot or _SAMPLE / "robot.yaml", recipe, progress
-        )
+        simulate_folder(out, map_ or _SAMPLE / "map.yaml", robot or _SAMPLE / "robot.yaml", recipe, progress)
     typer.echo(str(out))

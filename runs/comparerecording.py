@@ -18,7 +18,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maps.poses import Array
-from runs.blueprint import ever, eye_above, time_axis
+from runs.blueprint import NIS_SHOWN, ever, eye_above, time_axis
 from runs.folder import RunFolder, Step, fix_covariance, to_ns
 from runs.palette import FILTERED, FIXED_LAG, ODOMETRY, REJECTED, SMOOTHED, TRACKS, TRUTH, VISION, rgb
 from runs.runlog import ACCEPTED
@@ -140,6 +140,7 @@ def _layout(runs: Sequence[RunFolder], roots: Sequence[str]) -> rrb.Blueprint:
             origin=f"/plots/{plot}",
             name=title,
             axis_x=time_axis(span_s),
+            axis_y=rrb.ScalarAxis(range=(0.0, NIS_SHOWN)) if plot == "nis" else None,
             plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
         )
         for plot, title in (

@@ -64,7 +64,7 @@ def evaluate(session: Session, result: RunResult, truth: Trajectory | None) -> d
         "second_pass": _second_pass(result, truth),
         "states": states,
         "availability": 1.0 - states[State.LOST.value] / total if total else None,
-        "tracking_wrong_s": _tracking_wrong_s(result.spans, tracks.filtered, filtered) if truth else None,
+        "tracking_wrong_s": tracking_wrong_s(result.spans, tracks.filtered, filtered) if truth else None,
         "timing_ms": _timing(result),
     }
 
@@ -138,12 +138,16 @@ def _observable(session: Session) -> set[str] | None:
     return seen & {frame.filename for frame in session.frames}
 
 
-def _tracking_wrong_s(spans: Sequence[StateSpan], filtered: Trajectory, errors: Errors) -> float:
-    """Return the longest time on end in TRACKING with the published pose wrong."""
+def tracking_wrong_s(
+    spans: Sequence[StateSpan], filtered: Trajectory, errors: Errors, since_ns: int | None = None
+) -> float:
+    """Return the longest time on end in TRACKING with the published pose wrong, from `since_ns` on if told."""
     far = (errors.position_m > WRONG_POSE_M) | (errors.heading_rad > WRONG_POSE_RAD)
     wrong_ns = set(filtered.stamps_ns[far].tolist())
     longest = lasting = 0
     for span in spans:
+        if since_ns is not None and span.start_ns < since_ns:
+            continue
         wrong = span.state is State.TRACKING and span.stamp_ns in wrong_ns
         lasting = lasting + span.stamp_ns - span.start_ns if wrong else 0
         longest = max(longest, lasting)

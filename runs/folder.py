@@ -21,6 +21,7 @@ from maps.poses import Array
 from maps.wiremap import WireMap
 from runs.palette import OPTIONAL_TRACKS, TRACKS
 from runs.runlog import COLUMNS, Trajectory
+from runs.tables import MAX_TIME_S
 
 #: A row of steps.csv by column; an empty cell is what there was not.
 Step = dict[str, str]
@@ -91,10 +92,13 @@ def read_steps(folder: Path) -> tuple[Step, ...]:
     """Read steps.csv, a row a look."""
     path = folder / "steps.csv"
     reader = csv.DictReader(StringIO(read_text(path)))
-    missing = set(COLUMNS) - set(reader.fieldnames or ())
-    if missing:
-        raise InputError(path, "line 1", f"no column {min(missing)}")
-    return tuple(reader)
+    try:
+        missing = set(COLUMNS) - set(reader.fieldnames or ())
+        if missing:
+            raise InputError(path, "line 1", f"no column {min(missing)}")
+        return tuple(reader)
+    except csv.Error as error:
+        raise InputError(path, f"line {reader.line_num}", f"not CSV: {error}") from None
 
 
 def read_tum(path: Path) -> Trajectory:
@@ -109,6 +113,8 @@ def read_tum(path: Path) -> Trajectory:
             if len(words) != TUM_COLUMNS:
                 raise ValueError(f"{len(words)} columns")
             stamp_ns = to_ns(words[0])
+            if abs(stamp_ns) > MAX_TIME_S * 10**9:
+                raise ValueError("out of range")
             x, y, _, _, _, qz, qw = (float(word) for word in words[1:])
         except ValueError:
             raise InputError(path, f"line {number}", "not `timestamp tx ty tz qx qy qz qw`") from None

@@ -18,7 +18,6 @@ from maps.wiremap import WireMap
 from runs.folder import Step, read_steps, read_tum, to_ns
 from runs.runlog import ACCEPTED, Trajectory
 from runs.session import Frame, Session, read_session
-from vision.images import read_image
 from vision.lines import LineConfig, extract_segments
 from vision.maplearning import LearntMap
 from vision.mapsightings import SightingConfig, Sightings, sightings_of
@@ -109,7 +108,7 @@ def gather(
         projector, config = Projector(camera, wire_map), SightingConfig(lines=drive.lines)
         before = len(parts)
         for frame, pose in drive.frames:
-            image = read_image(frame.path)
+            image = frame.image()
             if image.shape != (camera.height, camera.width):
                 size = (
                     f"{image.shape[1]} x {image.shape[0]} px, by robot.yaml {camera.width} x {camera.height}"

@@ -7,11 +7,12 @@ process is another one, fed through a queue that is never waited for: where it i
 from __future__ import annotations
 
 import multiprocessing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from multiprocessing.queues import Queue
 from queue import Full
 from typing import Any
 
+from maps.errors import InputError
 from maps.outcomes import Outcome, PoseBelief, SearchWindow
 from runs.config import RunConfig
 from runs.logdetail import LogDetail
@@ -24,6 +25,17 @@ BACKLOG = 2000
 END_S = 10.0
 
 _Call = tuple[str, tuple[Any, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Held:
+    """The bytes of an image that is no file of its own."""
+
+    data: bytes
+
+    def read(self) -> bytes:
+        """Return them."""
+        return self.data
 
 
 class LiveLog:
@@ -39,15 +51,16 @@ class LiveLog:
         self.dropped = 0
 
     def begin(self, session: Session, config: RunConfig) -> None:
-        """Pass on."""
-        self._pass("begin", session, config)
+        """Pass on, without pictures: each comes with its look, and may hang on an open file."""
+        frames = tuple(replace(frame, picture=None) for frame in session.frames)
+        self._pass("begin", replace(session, frames=frames), config)
 
     def step(
         self, record: StepRecord, frame: Frame | None, outcome: Outcome, window: SearchWindow | None
     ) -> None:
         """Pass on."""
         if frame is not None:
-            frame = replace(frame, path=frame.path.resolve())
+            frame = replace(frame, path=frame.path.resolve(), picture=_held(frame))
         self._pass("step", record, frame, outcome, window)
 
     def belief(self, belief: PoseBelief) -> None:
@@ -75,6 +88,14 @@ class LiveLog:
             self._calls.put_nowait((method, arguments))
         except Full:
             self.dropped += 1
+
+
+def _held(frame: Frame) -> _Held | None:
+    """Return a frame's picture if it is no file; one that cannot be read is not shown."""
+    try:
+        return None if frame.picture is None else _Held(frame.data())
+    except InputError:
+        return None
 
 
 def _serve(calls: Queue[_Call], url: str, detail: LogDetail) -> None:

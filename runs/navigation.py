@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from runs.bags.results import McapLog
 from runs.config import RunConfig
 from runs.evaluation import evaluate, read_truth
 from runs.livelog import LiveLog
@@ -14,7 +15,7 @@ from runs.logdetail import LogDetail
 from runs.recording import RerunLog
 from runs.report import write_report
 from runs.results import FileLog, StagedFolder, write_metrics, write_tum
-from runs.runlog import LogGroup
+from runs.runlog import LogGroup, RunLog
 from runs.runner import Progress, run_session
 from runs.session import Session
 from runs.worst import worst_frames
@@ -22,10 +23,14 @@ from runs.worst import worst_frames
 
 @dataclass(frozen=True, slots=True)
 class Watching:
-    """Who watches a run: `detail` of its recording, and `viewer`, the URL of one that shows it while it goes."""
+    """Who watches a run: `detail` of its recording, and `viewer`, the URL of one that shows it while it goes.
+
+    `mcap`: whether the results are written as run.mcap too.
+    """
 
     detail: LogDetail = LogDetail.FULL
     viewer: str | None = None
+    mcap: bool = False
 
     def recordings(self, path: Path) -> list[RerunLog | LiveLog]:
         """Open the recording, and the connection to the viewer."""
@@ -35,6 +40,10 @@ class Watching:
         if self.viewer is not None:
             logs.append(LiveLog(self.viewer))
         return logs
+
+    def files(self, folder: Path) -> list[RunLog]:
+        """Return what writes the run's other files; MissingExtraError where a library is missing."""
+        return [FileLog(folder), *([McapLog(folder / "run.mcap")] if self.mcap else [])]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +73,7 @@ def navigate(
             recordings = [
                 open_logs.enter_context(closing(log)) for log in watching.recordings(folder / "run.rrd")
             ]
-            result = run_session(session, config, LogGroup((FileLog(folder), *recordings)), progress)
+            result = run_session(session, config, LogGroup((*watching.files(folder), *recordings)), progress)
             if truth is not None:
                 for recording in recordings:
                     recording.truth(truth)

@@ -111,7 +111,7 @@ class RerunLog:
         number = self._tracks.looks
         self._rows.look(record.stamp_ns, number)
         if frame is not None and self._pictured and record.reason != Reason.UNREADABLE_IMAGE:
-            self._hand.submit(self._picture, frame.path, record.stamp_ns, number)
+            self._hand.submit(self._picture, frame, record.stamp_ns, number)
             log_look(self._rows, outcome.look, self._names)
         if self._window is not None:
             self._window.log(self._rows, window)
@@ -185,8 +185,8 @@ class RerunLog:
         document = f"# {session.name}\n\n{text}\n\n```yaml\n{config_text(config)}```\n"
         self._recording.log("run", rr.TextDocument(document, media_type="text/markdown"), static=True)
 
-    def _picture(self, path: Path, stamp_ns: int, number: int) -> None:
-        jpeg = self._images.read(path)
+    def _picture(self, frame: Frame, stamp_ns: int, number: int) -> None:
+        jpeg = self._images.lean(frame.data())
         if jpeg is not None:
             # A thread has times of its own.
             self._set_time(stamp_ns, number)

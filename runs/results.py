@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import shutil
 from dataclasses import astuple
 from datetime import datetime
@@ -18,6 +19,7 @@ import numpy as np
 from maps.errors import InputError
 from maps.outcomes import Outcome, PoseBelief, SearchWindow
 from runs.config import RunConfig, write_config
+from runs.folderlock import lock_folder
 from runs.runlog import COLUMNS, StepRecord, Trajectories, Trajectory
 from runs.session import Frame, Session
 from runs.tracks import headings_known
@@ -29,24 +31,30 @@ class StagedFolder:
     """A folder that is there whole or not at all: `with StagedFolder(out) as partial`.
 
     What is written goes to `<out>.partial`, renamed to `out` at the end and removed on an error. A run
-    that is killed leaves it, for people to read; the next run to the same place replaces it.
+    that is killed leaves it, for people to read; the next run to the same place replaces it. While one
+    is at it, another is refused.
     """
 
     def __init__(self, out: Path) -> None:
         """Refuse an `out` that holds something already: InputError."""
-        self.out = out.resolve()
+        self.named, self.out = out, out.resolve()
         self.partial = self.out.with_name(f"{self.out.name}.partial")
-        if self.out.exists() and not self.out.is_dir():
-            raise InputError(out, "", "is there already, and is not a folder")
-        if self.out.is_dir() and any(self.out.iterdir()):
-            raise InputError(out, "", "is there already, and is not empty")
+        self._lock: int | None = None
+        self._refuse_taken()
 
     def __enter__(self) -> Path:
-        """Make the partial folder."""
+        """Make the partial folder; InputError where another run holds it, or nothing can be written."""
+        self._lock = lock_folder(self.partial, self.named)
         try:
-            shutil.rmtree(self.partial, ignore_errors=True)
-            self.partial.mkdir(parents=True)
+            # The other one may have been done between the first look and the lock.
+            self._refuse_taken()
+            for left in self.partial.iterdir():
+                shutil.rmtree(left) if left.is_dir() and not left.is_symlink() else left.unlink()
+        except InputError:
+            self._take_away()
+            raise
         except OSError as error:
+            self._unlock()
             raise InputError(self.partial, "", error.strerror or str(error)) from None
         return self.partial
 
@@ -54,12 +62,31 @@ class StagedFolder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Put it in its place, or take it away."""
-        if kind is None:
-            if self.out.exists():
-                self.out.rmdir()
-            self.partial.rename(self.out)
-        elif issubclass(kind, Exception):
-            shutil.rmtree(self.partial, ignore_errors=True)
+        if kind is not None and issubclass(kind, Exception):
+            self._take_away()
+            return
+        try:
+            if kind is None:
+                if self.out.exists():
+                    self.out.rmdir()
+                self.partial.rename(self.out)
+        finally:
+            self._unlock()
+
+    def _refuse_taken(self) -> None:
+        if self.out.exists() and not self.out.is_dir():
+            raise InputError(self.named, "", "is there already, and is not a folder")
+        if self.out.is_dir() and any(self.out.iterdir()):
+            raise InputError(self.named, "", "is there already, and is not empty")
+
+    def _take_away(self) -> None:
+        shutil.rmtree(self.partial, ignore_errors=True)
+        self._unlock()
+
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
 
 
 class FileLog:

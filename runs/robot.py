@@ -24,7 +24,7 @@ Pixels = Annotated[int, Field(ge=1, le=2**16)]
 Tilt = Annotated[float, Field(ge=-math.pi / 2, le=math.pi / 2)]
 Angle = Annotated[float, Field(ge=-math.pi, le=math.pi)]
 
-_DISTORTION_KEYS = {
+DISTORTION_KEYS = {
     CameraModel.PINHOLE_RADTAN: ("distortion_k1_k2_p1_p2_k3", 5),
     CameraModel.FISHEYE: ("distortion_k1_k2_k3_k4", 4),
 }
@@ -103,13 +103,13 @@ class _Camera(BaseModel):
 
     @property
     def distortion(self) -> list[float]:
-        key, _ = _DISTORTION_KEYS[self.model]
+        key, _ = DISTORTION_KEYS[self.model]
         coefficients: list[float] = getattr(self, key) or []
         return coefficients
 
     @model_validator(mode="after")
     def _coefficients_fit_model(self) -> Self:
-        key, count = _DISTORTION_KEYS[self.model]
+        key, count = DISTORTION_KEYS[self.model]
         if len(self.distortion) != count:
             raise ValueError(f"{key} needs {count} numbers for {self.model}")
         return self

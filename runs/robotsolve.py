@@ -20,8 +20,8 @@ class SolveConfig:
     """When to stop.
 
     `settled`: a step that gains less log-likelihood than this is the last. `spread_limits`: how many times better
-    or worse than expected errors of a kind may turn out; `least_motion`: the same of the wheels alone, as a slip that
-    has not happened yet does not show in a minute's drive. `least_redundancy`: with fewer residuals to spare their
+    or worse than expected errors of a kind may turn out; `least_wheels`: the same of encoders, as a slip that has
+    not happened yet does not show in a minute's drive. `least_redundancy`: with fewer residuals to spare their
     spread is not estimated. `same_spread`: relative change below which they have settled, too.
     """
 
@@ -30,7 +30,7 @@ class SolveConfig:
     spread_rounds: int = 6
     same_spread: float = 0.03
     spread_limits: tuple[float, float] = (0.3, 5.0)
-    least_motion: float = 1.0
+    least_wheels: float = 1.0
     least_redundancy: float = 20.0
 
 
@@ -65,7 +65,7 @@ def solve(problem: Problem, start: State, config: SolveConfig | None = None) -> 
     state = start
     for _ in range(config.spread_rounds):
         state = _likeliest(problem, state, spreads, config)
-        before, spreads = spreads, _spreads(problem.blocks(state), spreads, config)
+        before, spreads = spreads, _spreads(problem.blocks(state), spreads, problem.record.by_wheels, config)
         if all(abs(spreads[name] / before[name] - 1.0) < config.same_spread for name in spreads):
             break
     state = _likeliest(problem, state, spreads, config)
@@ -180,7 +180,7 @@ def _gradient(blocks: Mapping[str, Block], spreads: Mapping[str, float]) -> Arra
 
 
 def _spreads(
-    blocks: Mapping[str, Block], spreads: Mapping[str, float], config: SolveConfig
+    blocks: Mapping[str, Block], spreads: Mapping[str, float], by_wheels: bool, config: SolveConfig
 ) -> dict[str, float]:
     """Estimate the spreads anew, from those before."""
     parts = _informations(blocks, spreads)
@@ -195,6 +195,6 @@ def _spreads(
         if left >= config.least_redundancy:
             square = float((_weights(block, before) * _squares(block)).sum()) / left
             low, high = config.spread_limits
-            low = config.least_motion if name == "motion" else low
+            low = config.least_wheels if name == "motion" and by_wheels else low
             result[name] = float(np.clip(np.sqrt(square), low, high))
     return result

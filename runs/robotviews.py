@@ -18,7 +18,6 @@ from runs.robotproblem import View
 from runs.runlog import Trajectory
 from runs.runner import Progress, RunResult
 from runs.session import Frame, Session
-from vision.images import read_image
 from vision.lines import extract_segments
 from vision.matcher import MatcherConfig
 from vision.measurements import LineMeasurements, measured_lines
@@ -102,7 +101,7 @@ def taken(session: Session, frames: Sequence[Frame], config: MatcherConfig, prog
     for done, frame in enumerate(frames, start=1):
         progress(done, len(frames))
         try:
-            image = read_image(frame.path)
+            image = frame.image()
         except InputError as error:
             logger.warning("left out: %s", error)
             continue

@@ -25,7 +25,6 @@ from runs.runlog import RunLog, StepRecord, Trajectories, Trajectory
 from runs.secondpass import SecondPass
 from runs.session import Frame, RecordedFix, Session
 from vision.camera import Camera
-from vision.images import read_image
 from vision.matcher import LineMatcher, MatcherConfig
 
 logger = logging.getLogger(__name__)
@@ -116,7 +115,7 @@ class _Eye:
     def look(self, frame: Frame, windows: Windows, otherwise: Windows = ()) -> Looked:
         """Match a frame against the map inside the windows, or else the others."""
         try:
-            image = read_image(frame.path)
+            image = frame.image()
         except InputError as error:
             self.unread.append(error)
             return Looked(NoFix(Reason.UNREADABLE_IMAGE), windows[-1], {})

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path, PurePath
+from typing import Protocol
 
 import numpy as np
 
@@ -29,19 +30,39 @@ from maps.wiremap import WireMap
 from runs.robot import Robot, read_robot
 from runs.tables import Times, read_table
 from vision.camera import Camera
+from vision.images import GreyImage, decode_image, read_bytes, read_image
 
 WHEEL_COLUMNS = ("left_wheel_rad", "right_wheel_rad")
 TWIST_COLUMNS = ("forward_mps", "turn_radps")
 
 
+class Picture(Protocol):
+    """An image that is no file of its own: a message of a bag, a frame of a video."""
+
+    def read(self) -> bytes:
+        """Return it as an image file's bytes; InputError where it cannot be read."""
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """An image as recorded: its capture time on odometry's clock, and when it reached the computer."""
+    """An image as recorded: its capture time on odometry's clock, and when it reached the computer.
+
+    `picture`: where the image comes from if it is no file; `path` is then only its name in messages.
+    """
 
     stamp_ns: int
     arrival_ns: int
     filename: str
     path: Path
+    picture: Picture | None = None
+
+    def data(self) -> bytes:
+        """Return the image as a file's bytes; InputError where it cannot be read."""
+        return read_bytes(self.path) if self.picture is None else self.picture.read()
+
+    def image(self) -> GreyImage:
+        """Return the image as grey levels (H, W); InputError where it cannot be read."""
+        return read_image(self.path) if self.picture is None else decode_image(self.picture.read(), self.path)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,7 +169,7 @@ def read_session(folder: Path, map_path: Path | None = None) -> Session:
         raise InputError(folder, "", "neither frames.csv nor fixes.csv: nothing to localize with")
     if frames and robot.camera is None:
         raise InputError(robot.path, "camera", "missing, and frames.csv lists images")
-    map_path = map_path or _find_map(folder)
+    map_path = map_path or find_map(folder)
     if frames and map_path is None:
         raise InputError(folder / "map.yaml", "", "no such file, nor one folder up; name one with --map")
     stamps_ns = [look.stamp_ns for look in frames] + [look.stamp_ns for look in fixes]
@@ -167,7 +188,8 @@ def read_session(folder: Path, map_path: Path | None = None) -> Session:
     )
 
 
-def _find_map(folder: Path) -> Path | None:
+def find_map(folder: Path) -> Path | None:
+    """Return the map in a session's folder or one folder up, None where there is none."""
     places = (folder / "map.yaml", folder.resolve().parent / "map.yaml")
     return next((path for path in places if path.is_file()), None)
 
@@ -210,7 +232,11 @@ def _image_path(folder: Path, filename: str) -> Path:
     if not filename or relative.is_absolute() or ".." in relative.parts:
         raise ValueError(f"{filename!r} is not a path inside the session folder")
     path = folder / relative
-    if not path.is_file():
+    try:
+        found = path.is_file()
+    except OSError as error:
+        raise ValueError(error.strerror or str(error)) from None
+    if not found:
         raise ValueError(f"{filename}: no such file")
     return path
 

@@ -102,6 +102,9 @@ class TrackLog:
     def series(self, path: str, stamps_ns: Times, values: Array) -> None:
         """Send a plot's values, thinned; those that are not known are left out."""
         known = np.isfinite(values) & spaced(stamps_ns, SERIES_STEP_NS)
+        if not known.any():
+            # The viewer does not survive a column without times.
+            return
         columns = rr.Scalars.columns(scalars=values[known])
         self._recording.send_columns(f"plots/{path}", self._times(stamps_ns[known]), columns)
 

@@ -52,11 +52,15 @@ def start_viewer() -> str:
     process = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
-    _wait_for(port, process)
+    no_window = MissingExtraError(f"the rerun viewer could not open a window: no screen, or {NO_VULKAN}")
+    try:
+        _wait_for(port, process)
+    except MissingExtraError:
+        raise no_window from None
     # It listens before it has a window, and ends where there is no screen for one.
     with suppress(subprocess.TimeoutExpired):
         process.wait(WINDOW_S)
-        raise MissingExtraError(f"the rerun viewer could not open a window: no screen, or {NO_VULKAN}")
+        raise no_window
     return viewer_url(str(port))
 
 

@@ -15,7 +15,6 @@ from runs.runlog import StepRecord, Trajectory
 from runs.runner import RunResult
 from runs.session import Session
 from runs.tracks import errors_of
-from vision.images import read_image
 from vision.overlay import matched_jpeg
 
 #: How many a report shows.
@@ -57,11 +56,11 @@ def worst_frames(session: Session, result: RunResult, truth: Trajectory | None) 
     Fixes that are wrong come first, those that were fused before those that were not; then refused ones, frames
     without a fix, by how much there was to see, and fixes that are far off, in their own measure.
     """
-    paths = {frame.filename: frame.path for frame in session.frames}
+    frames = {frame.filename: frame for frame in session.frames}
     judged = [
         (*badness, record, outcome)
         for record, outcome, badness in _judged(result, truth)
-        if record.filename in paths
+        if record.filename in frames
     ]
     judged.sort(key=lambda frame: frame[:2], reverse=True)
     found: list[WorstFrame] = []
@@ -69,7 +68,7 @@ def worst_frames(session: Session, result: RunResult, truth: Trajectory | None) 
         if len(found) == WORST:
             break
         try:
-            jpeg = matched_jpeg(read_image(paths[record.filename]), outcome.look)
+            jpeg = matched_jpeg(frames[record.filename].image(), outcome.look)
         except InputError:
             continue
         found.append(WorstFrame(record.stamp_ns, record.filename, wrong, jpeg))
@@ -116,9 +115,11 @@ def _judged(
 
 
 def _without(record: StepRecord, outcome: Ambiguous | NoFix) -> tuple[int, float, str]:
-    what = "ambiguous" if isinstance(outcome, Ambiguous) else "no fix"
     behind = BEHIND.get(record.reason, "")
-    told = f"{what}: {record.reason}, {behind}" if behind else f"{what}: {record.reason}"
+    if isinstance(outcome, Ambiguous):
+        told = f"ambiguous: {behind or BEHIND['AMBIGUOUS']}"
+    else:
+        told = f"no fix: {record.reason}, {behind}" if behind else f"no fix: {record.reason}"
     return 2, float(len(outcome.look.lines_px)), told
 
 

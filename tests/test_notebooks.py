@@ -13,6 +13,8 @@ NOTEBOOKS = sorted((Path(__file__).resolve().parents[1] / "notebooks").glob("*.i
 
 #: What must have come of each notebook, by the names that its cells leave.
 WORKED: dict[str, Callable[[dict[str, Any]], bool]] = {
+    "filtered_against_raw": lambda names: {row.track for row in names["rows"]} >= {"vision", "filtered"},
+    "maps_and_regions": lambda names: 0 < len(names["rows"]) < len(names["wire_map"]),
     "first_session": lambda names: names["navigation"].usable,
     "one_fix_step_by_step": lambda names: names["winner"] is not None and names["error_m"] < 0.3,
     "paper_experiments": lambda names: any(trial.usable for trial in names["trials"]),

@@ -108,7 +108,9 @@ def _parted(faces: Sequence[Polygon], areas: Sequence[Polygon]) -> tuple[list[Po
 
 def _faces(outlines: Sequence[Polygon]) -> list[Polygon]:
     """Return the faces into which the outlines cut the plan."""
-    linework = unary_union([outline.boundary for outline in outlines], grid_size=GRID_M)
+    with np.errstate(all="ignore"):
+        # Snapping to a grid divides by zero on its way, without harm.
+        linework = unary_union([outline.boundary for outline in outlines], grid_size=GRID_M)
     return [face for face in shapely.get_parts(shapely.polygonize([linework])) if face.area > GRID_M**2]
 
 
@@ -211,6 +213,9 @@ def _doorways(solids: Sequence[Solid]) -> list[Polygon]:
 def _ends(outline: Polygon) -> list[tuple[Array, Array, Array]]:
     """Return of a wall's two ends the middle, the unit vector outwards, and the vector across the wall."""
     corners = shapely.get_coordinates(outline.minimum_rotated_rectangle)[:4]
+    if len(corners) < 4:
+        # So thin that it has no two ends.
+        return []
     sides = corners[1] - corners[0], corners[2] - corners[1]
     lengths = [float(np.linalg.norm(side)) for side in sides]
     long = int(lengths[1] > lengths[0])

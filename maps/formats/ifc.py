@@ -29,6 +29,8 @@ from maps.poses import Array
 
 #: Walls are cut at this height over the storey's floor, as plans are drawn: through doors and windows.
 CUT_M = 1.0
+#: No building is larger; beyond it areas overflow.
+MAX_COORDINATE_M = 1e5
 #: Rooms are lower than this; what lies higher over the floor is no ceiling of theirs.
 MAX_CEILING_M = 20.0
 #: What bounds a room: walls, columns, and the posts and panes of curtain walls.
@@ -82,7 +84,10 @@ class _Model:
             raise MissingExtraError("IFC needs ifcopenshell: pip install 'wireloc[maps]'") from None
         self.path = path
         self._file = self._opened(path)
-        self._unit_m = float(units.calculate_unit_scale(self._file))
+        try:
+            self._unit_m = float(units.calculate_unit_scale(self._file))
+        except (AttributeError, KeyError, TypeError, ValueError):
+            raise InputError(path, "IfcUnitAssignment", "the unit of lengths is not as IFC has it") from None
         self._settings = self._geometry.settings()
         self._settings.set("use-world-coords", True)
         self._settings.set("disable-opening-subtractions", True)
@@ -115,7 +120,10 @@ class _Model:
 
     def elevation_m(self, storey: Any) -> float:
         """Return a storey's elevation."""
-        return float(storey.Elevation or 0.0) * self._unit_m
+        try:
+            return float(storey.Elevation or 0.0) * self._unit_m
+        except (TypeError, ValueError):
+            raise InputError(self.path, str(storey.Name), "its Elevation is not a number") from None
 
     def next_elevation_m(self, storey: Any) -> float | None:
         """Return the elevation of the storey above."""
@@ -134,23 +142,27 @@ class _Model:
 
     def openings(self, wall: Any) -> list[Any]:
         """Return the openings of a wall, called as the door or window that fills them."""
-        return [relation.RelatedOpeningElement for relation in getattr(wall, "HasOpenings", ())]
+        openings = [relation.RelatedOpeningElement for relation in getattr(wall, "HasOpenings", ())]
+        return [opening for opening in openings if opening is not None]
 
     def name(self, element: Any) -> str:
         """Return what an element is called; an opening as what fills it."""
         fillings = getattr(element, "HasFillings", ())
-        called = fillings[0].RelatedBuildingElement if fillings else element
+        called = (fillings[0].RelatedBuildingElement if fillings else None) or element
         return str(called.Name or called.is_a().removeprefix("Ifc").lower())
 
     def mesh(self, element: Any) -> tuple[Array, Any] | None:
         """Return an element's vertices (V, 3) [m], map frame, and triangles (T, 3), or None."""
         try:
             shape = self._geometry.create_shape(self._settings, element)
-        except RuntimeError:
+        except (RuntimeError, TypeError, ValueError):
+            # The library gave up on it, or a reference of it leads nowhere.
             return None
         vertices = np.array(shape.geometry.verts).reshape(-1, 3)
         triangles = np.array(shape.geometry.faces, np.int64).reshape(-1, 3)
-        return (vertices, triangles) if len(triangles) else None
+        if not len(triangles) or not (np.abs(vertices) < MAX_COORDINATE_M).all():
+            return None
+        return vertices, triangles
 
     def _home(self, element: Any) -> Any:
         whole = self._element.get_aggregate(element)

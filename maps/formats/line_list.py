@@ -20,6 +20,8 @@ from maps.formats.imported import Imported, ImportOptions, Report, counted, impo
 from maps.formats.wirelines import WireLine, tidy
 
 MAX_LINES = 100_000
+#: In any unit: no building is larger, and squares of it stay finite.
+MAX_COORDINATE = 1e12
 #: Lines within this of the lowest point lie on the floor.
 ON_FLOOR_M = 0.05
 #: Closed loops of floor lines enclose at least this share of what the lines span; less is a table.
@@ -67,7 +69,7 @@ def _read(path: Path) -> tuple[np.ndarray[tuple[int, int, int], np.dtype[np.floa
             values = [float(word) for word in words[:6]]
         except ValueError:
             values = []
-        if len(values) != 6 or not all(math.isfinite(value) for value in values):
+        if len(values) != 6 or not all(abs(value) < MAX_COORDINATE for value in values):
             raise InputError(path, f"line {number}", "expected six numbers: x0 y0 z0 x1 y1 z1")
         if len(rows) == MAX_LINES:
             raise InputError(path, f"line {number}", f"more than {MAX_LINES} lines")

@@ -37,7 +37,8 @@ UNKNOWN_GREY = 205.0 / 255.0
 
 class _Grid(BaseModel):
     image: str
-    resolution: Annotated[float, Field(gt=0.0, le=10.0, allow_inf_nan=False)]
+    #: Finer than any scanner: what is below is another unit, and passages would have too many cells.
+    resolution: Annotated[float, Field(ge=0.002, le=10.0, allow_inf_nan=False)]
     origin: tuple[Metres, Metres, Metres]
     negate: Literal[0, 1] = 0
     occupied_thresh: Share

@@ -33,18 +33,23 @@ def run_trials(
     `trial` must be picklable for more than one worker, or for `scheduler`, the address of a Dask cluster.
     MissingExtraError without the libraries, InputError where no scheduler answers.
     """
-    if scheduler is not None:
-        made = _on_cluster(trial, count, scheduler)
-    elif workers > 1:
-        made = _on_cores(trial, count, workers)
-    else:
-        made = (_numbered(trial, number) for number in range(count))
     results: dict[int, T] = {}
     progress(0, count)
-    for number, result in made:
+    for number, result in trials_made(trial, count, workers, scheduler):
         results[number] = result
         progress(len(results), count)
     return [results[number] for number in range(count)]
+
+
+def trials_made(
+    trial: Callable[[int], T], count: int, workers: int = 1, scheduler: str | None = None
+) -> Iterator[tuple[int, T]]:
+    """Yield number and result of each trial as it is made, in any order; else as `run_trials`."""
+    if scheduler is not None:
+        return _on_cluster(trial, count, scheduler)
+    if workers > 1:
+        return _on_cores(trial, count, workers)
+    return (_numbered(trial, number) for number in range(count))
 
 
 def _on_cores(trial: Callable[[int], T], count: int, workers: int) -> Iterator[tuple[int, T]]:

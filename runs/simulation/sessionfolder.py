@@ -82,14 +82,14 @@ def simulate_folder(out: Path, map_path: Path, robot_path: Path, recipe: Recipe,
     with StagedFolder(out) as folder:
         shutil.copyfile(map_path, folder / "map.yaml")
         (folder / "robot.yaml").write_text(_robot_text(robot_path, start), encoding="utf-8")
-        _write_odometry(folder / "odometry.csv", odometry)
+        write_odometry(folder / "odometry.csv", odometry)
         _write_truth(folder / "ground_truth_dense.csv", drive.stamps_ns, drive.poses)
         looks: list[Times] = []
         fixes = SimulatedFixes((), np.zeros(0, bool))
         if recipe.fixes is not None:
             through = (robot, nominal) if nominal.camera else (None, None)
             fixes = simulate_fixes(drive, recipe.fixes, draw[3], *through)
-            _write_fixes(folder / "fixes.csv", fixes.fixes)
+            write_fixes(folder / "fixes.csv", fixes.fixes)
             looks.append(np.array([fix.stamp_ns for fix in fixes.fixes], np.int64))
         if recipe.frame_rate_hz > 0.0:
             stamps_ns = frame_stamps(drive, recipe.frame_rate_hz, draw[4])
@@ -136,18 +136,27 @@ def _robot_text(path: Path, start: Start) -> str:
     return with_block(read_text(path), "initial_pose", known)
 
 
-def _write_odometry(path: Path, odometry: Odometry) -> None:
+def write_odometry(path: Path, odometry: Odometry) -> None:
+    """Write odometry.csv, with arrival_s where rows arrived later than they were stamped."""
     columns = WHEEL_COLUMNS if odometry.wheels is not None else TWIST_COLUMNS
-    rows = zip(odometry.stamps_ns.tolist(), odometry.values.tolist(), strict=True)
-    _write_rows(path, ("timestamp_s", *columns), ((seconds(stamp), *_fixed(pair)) for stamp, pair in rows))
+    rows = [
+        [seconds(stamp), *_fixed(pair)]
+        for stamp, pair in zip(odometry.stamps_ns.tolist(), odometry.values.tolist(), strict=True)
+    ]
+    header = ["timestamp_s", *columns]
+    if (odometry.arrivals_ns != odometry.stamps_ns).any():
+        header.append("arrival_s")
+        rows = [[*row, seconds(at)] for row, at in zip(rows, odometry.arrivals_ns.tolist(), strict=True)]
+    write_rows(path, header, rows)
 
 
 def _write_truth(path: Path, stamps_ns: Times, poses: Array) -> None:
     rows = zip(stamps_ns.tolist(), poses.tolist(), strict=True)
-    _write_rows(path, _TRUTH_COLUMNS, ((seconds(stamp), *_fixed(pose)) for stamp, pose in rows))
+    write_rows(path, _TRUTH_COLUMNS, ((seconds(stamp), *_fixed(pose)) for stamp, pose in rows))
 
 
-def _write_fixes(path: Path, fixes: Iterable[RecordedFix]) -> None:
+def write_fixes(path: Path, fixes: Iterable[RecordedFix]) -> None:
+    """Write fixes.csv."""
     header = (*_TRUTH_COLUMNS, "std_x_m", "std_y_m", "std_phi_rad", "arrival_s")
     rows = []
     for fix in fixes:
@@ -157,7 +166,7 @@ def _write_fixes(path: Path, fixes: Iterable[RecordedFix]) -> None:
         if not belief.measured[2]:
             cells[2] = cells[5] = ""
         rows.append((seconds(fix.stamp_ns), *cells, seconds(fix.arrival_ns)))
-    _write_rows(path, header, rows)
+    write_rows(path, header, rows)
 
 
 def _write_frames(
@@ -176,7 +185,7 @@ def _write_frames(
         (folder / name).write_bytes(jpeg(image, quality))
         rows.append((seconds(stamp_ns - offset_ns), name))
         progress(number + 1, len(stamps_ns))
-    _write_rows(folder / "frames.csv", ("timestamp_s", "filename"), rows)
+    write_rows(folder / "frames.csv", ("timestamp_s", "filename"), rows)
 
 
 def _write_observable(folder: Path, robot: Robot, wire_map: WireMap, poses: Array) -> None:
@@ -186,14 +195,15 @@ def _write_observable(folder: Path, robot: Robot, wire_map: WireMap, poses: Arra
     for number, pose in enumerate(poses):
         seen = observed(read_image(folder / _image_name(number)), projector, Pose2.from_array(pose))
         rows.append((_image_name(number), str(seen.visible), str(seen.observable)))
-    _write_rows(folder / "observable.csv", ("filename", "visible", "observable"), rows)
+    write_rows(folder / "observable.csv", ("filename", "visible", "observable"), rows)
 
 
 def _image_name(number: int) -> str:
     return f"images/{number:06d}.jpg"
 
 
-def _write_rows(path: Path, header: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
+def write_rows(path: Path, header: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
+    """Write a CSV file as the session's reader takes it."""
     with path.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows([tuple(header), *rows])
 

@@ -332,6 +332,23 @@ def test_errors_are_against_the_truth_and_absent_without(tmp_path):
     assert "/world/tracks/truth" not in entities(blind)
 
 
+def test_no_column_is_without_times(tmp_path):
+    """A viewer would end at once on one: here the truth has no headings, and no fix is whole."""
+    path = tmp_path / "run.rrd"
+    log = RerunLog(path)
+    log.begin(session_of(), RunConfig())
+    track = Trajectory.of_beliefs([belief_at(step / 10) for step in range(40)])
+    vague = PoseBelief(10**9, Pose2(1.0, 1.0, 0.0), np.diag([4.0, 1e-4, 1e-4]))
+    log.finish(Trajectories(track, Trajectory.of_beliefs([vague]), track, track))
+    log.truth(Trajectory(track.stamps_ns, np.column_stack([track.poses[:, :2], np.full(40, np.nan)])))
+    log.close()
+    chunks = [chunk for chunk in RrdReader(path).stream().to_chunks() if not chunk.is_static]
+    assert chunks
+    assert all(chunk.to_record_batch().num_rows for chunk in chunks)
+    assert not rows(path, "/plots/heading/smoothed", "Scalars:scalars")
+    assert not rows(path, "/plots/position/vision", "Scalars:scalars")
+
+
 def test_track_grows_by_the_second_and_breaks_where_nobody_knows(tmp_path):
     path = tmp_path / "run.rrd"
     log = RerunLog(path)
