@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -91,9 +92,13 @@ def write_map(path: Path, document: MapDocument) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file aside and rename it, so that nobody ever finds half of it."""
+    """Write a file aside and rename it, so that nobody ever finds half of it.
+
+    Of two processes that write the same file, the last one to be done has it. OSError, and what was there before
+    stays, where it cannot be written.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(f".{path.name}.part")
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         aside.write_bytes(content)
         aside.replace(path)

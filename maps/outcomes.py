@@ -124,9 +124,14 @@ class SearchWindow:
 
     def holds(self, pose: Pose2) -> bool:
         """Whether a pose lies inside."""
-        away = pose.minus(self.centre)
-        near = math.hypot(away[0], away[1]) <= self.dt_m and abs(away[2]) <= self.dphi_rad
-        return near and (self.ellipsoid is None or bool(self.ellipsoid.holds(pose.as_array()[None])[0]))
+        return bool(self.held(pose.as_array()[None])[0])
+
+    def held(self, poses: Array) -> NDArray[np.bool_]:
+        """Whether poses (H, 3) lie inside, (H,)."""
+        away = poses - self.centre.as_array()
+        turn = np.abs(wrap_angle(away[:, 2]))
+        near: NDArray[np.bool_] = (np.hypot(away[:, 0], away[:, 1]) <= self.dt_m) & (turn <= self.dphi_rad)
+        return near if self.ellipsoid is None else near & self.ellipsoid.holds(poses)
 
 
 class Reason(StrEnum):

@@ -43,6 +43,10 @@ class CameraMount:
 BASE_FROM_OPTICAL = frozen(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]))
 
 
+#: A camera that looks farther up or down than this is taken for one in another convention of frames.
+STEEPEST_RAD = 1.4
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
     """A camera with OpenCV's pinhole or fisheye distortion; integer pixels are pixel centres.
@@ -129,6 +133,23 @@ class Camera:
         turn = rotation_z(map_from_robot.phi)
         lever = turn @ [mount.x_m, mount.y_m, mount.height_m + height]
         return turn @ base_from_optical, lever + [map_from_robot.x, map_from_robot.y, 0.0]
+
+
+def mount_of(base_from_level: Array, place: Array) -> CameraMount:
+    """Return the mount of a camera at `place` (3,) [m] whose level, forward-looking frame is turned so, (3, 3).
+
+    `base_from_level` is base_from_optical @ BASE_FROM_OPTICAL.T. ValueError where it looks straight up or down, or is
+    not above the floor: no robot's camera, but another convention of frames.
+    """
+    pitch = math.asin(float(np.clip(-base_from_level[2, 0], -1.0, 1.0)))
+    if abs(pitch) > STEEPEST_RAD:
+        raise ValueError("looks straight up or down: no optical frame (z forward)")
+    if not place[2] > 0.0:
+        raise ValueError(f"is {place[2]:.2f} m above the floor")
+    yaw = math.atan2(base_from_level[1, 0], base_from_level[0, 0])
+    roll = math.atan2(base_from_level[2, 1], base_from_level[2, 2])
+    x, y, z = place.tolist()
+    return CameraMount(x, y, z, pitch, yaw, roll)
 
 
 def rotation_x(angle: float) -> Array:

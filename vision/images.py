@@ -52,7 +52,7 @@ def decode_image(content: bytes, path: Path) -> GreyImage:
     """Return an image file's bytes as `read_image` would; `path` is named where they are not an image."""
     data = np.frombuffer(content, np.uint8)
     try:
-        with _muted():
+        with muted():
             image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH) if len(data) else None
     except cv2.error:
         image = None
@@ -70,7 +70,7 @@ def decode_image(content: bytes, path: Path) -> GreyImage:
 
 
 @contextmanager
-def _muted() -> Iterator[None]:
+def muted() -> Iterator[None]:
     """Keep the decoders quiet: some write what they find wrong to the terminal, past Python and OpenCV's log."""
     with _MUTING:
         try:

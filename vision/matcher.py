@@ -168,7 +168,7 @@ class LineMatcher:
         poses, scores = floor_hypotheses(
             self.projector, segments, self._floor_views, self.config.coarse, self.config.floor
         )
-        inside = np.array([window.holds(Pose2.from_array(pose)) for pose in poses], bool)
+        inside = window.held(poses)
         return rows, replace(look, selected=len(rows)), poses[inside], scores[inside]
 
     def _refined(self, window: SearchWindow) -> int:

@@ -57,6 +57,7 @@ class Candidate:
     predicted: Prediction
     matches: Matches
     score: float
+    #: Median half width of the gates about what is predicted: how sharply the image was compared.
     gate_px: float
 
     @property
@@ -159,7 +160,8 @@ def refine_poses(
         trials = _distinct([trial for trial in improved if trial is not None], config)
         most = max((trial.paired_px for trial in trials), default=0.0)
         trials = [trial for trial in trials if trial.paired_px >= share * most]
-    candidates = (_judge(scene, trial, stamp_ns, config) for trial in trials)
+    judged = (_judge(scene, trial, stamp_ns, config) for trial in trials)
+    candidates = [candidate for candidate in judged if candidate is not None]
     return sorted(candidates, key=lambda candidate: -candidate.score)
 
 
@@ -192,11 +194,13 @@ def _believed_spread(measured: float, lines: int, config: RefinementConfig) -> f
     return min(max(believed, low), high)
 
 
-def _judge(scene: Scene, trial: Trial, stamp_ns: int, config: RefinementConfig) -> Candidate:
-    """Weigh a refined pose by all that should be seen from it."""
+def _judge(scene: Scene, trial: Trial, stamp_ns: int, config: RefinementConfig) -> Candidate | None:
+    """Weigh a refined pose by all that should be seen from it; None where that is nothing."""
     assert trial.estimate is not None
     view = scene.view(trial, config.pose_px[-1])
     predicted, matches, lines = view.predicted, view.matches, scene.lines
+    if not len(predicted):
+        return None
     seen = observations(scene.projector, lines, predicted, matches, view.map_px, trial.spread)
     gates = scene.gates_px(view, trial.spread, config)
     score = log_likelihood_ratio(
