@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 
-.PHONY: run test lint study bench clean
+.PHONY: run test lint study bench fuzz clean
 
 run: $(VENV)/installed
 	$(BIN)/wireloc run runs/samples/building_a
@@ -25,6 +25,9 @@ study: $(VENV)/installed
 
 bench: $(VENV)/installed
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only
+
+fuzz: $(VENV)/installed
+	$(BIN)/python tests/fuzz --seconds 60
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit("wireloc needs Python 3.11 or newer: make PYTHON=python3.12") if sys.version_info < (3, 11) else None'

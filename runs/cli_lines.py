@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -34,6 +35,7 @@ def extract_lines(
     ] = None,
 ) -> None:
     """Find straight edges in images: end points, deviation of the middle, brighter side (+1: right), contrast."""
+    from maps.mapdocument import write_whole
     from runs.config import RunConfig, read_config
     from vision.images import read_image
     from vision.lines import extract_segments
@@ -47,13 +49,14 @@ def extract_lines(
         image = read_image(path)
         segments = extract_segments(image, _fitting(through, image, path), parameters)
         rows += _rows(path, segments)
-    with out.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file, lineterminator="\n").writerows([HEADER, *rows])
+    text = StringIO()
+    csv.writer(text, lineterminator="\n").writerows([HEADER, *rows])
+    write_whole(out, text.getvalue().encode())
     typer.echo(str(out))
     if overlay is not None:
         from vision.overlay import overlay_png
 
-        overlay.write_bytes(overlay_png(image, segments))
+        write_whole(overlay, overlay_png(image, segments))
         typer.echo(str(overlay))
 
 

@@ -43,6 +43,7 @@ def locate_image(
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
     """Tell from one photograph where the robot stood, or the places that it cannot tell apart."""
+    from maps.mapdocument import write_whole
     from maps.outcomes import NoFix
     from runs.config import RunConfig, read_config
     from vision.images import read_image
@@ -58,11 +59,13 @@ def locate_image(
     matcher = _matcher(map_, camera, parameters)
     outcome = matcher.match(grey, 0, window)
     picture = overlay or Path("results") / f"{image.stem}-located.png"
-    picture.parent.mkdir(parents=True, exist_ok=True)
-    picture.write_bytes(matched_png(grey, outcome.look))
+    write_whole(picture, matched_png(grey, outcome.look))
     answer = _answer(outcome) | {"overlay": str(picture), "ms": matcher.timing_ms}
     typer.echo(json.dumps(answer) if as_json else _told(answer))
     if isinstance(outcome, NoFix):
+        if near is not None:
+            hint = f"searched within {within or WITHIN} (m, degrees) of --near; without --near, everywhere"
+            typer.echo(hint, err=True)
         raise typer.Exit(1)
 
 
@@ -123,7 +126,9 @@ def _pose(belief: PoseBelief, odds: float) -> dict[str, Any]:
 def _told(answer: dict[str, Any]) -> str:
     """The answer in a few lines."""
     if answer["outcome"] == "NO_FIX":
-        lines = [f"no fix: {answer['reason']}"]
+        from runs.worst import BEHIND
+
+        lines = [f"no fix: {answer['reason']}, {BEHIND[answer['reason']]}"]
     else:
         lines = [
             f"x {pose['x_m']:.3f} m, y {pose['y_m']:.3f} m, phi {pose['phi_rad']:.4f} rad"

@@ -73,9 +73,10 @@ def show_a_map(
 
         record_map(out, wire_map, regions, map_.stem)
     else:
+        from maps.mapdocument import write_whole
         from runs.mapplan import draw_map, picture
 
-        out.write_bytes(picture(draw_map(wire_map, regions, map_.stem), out.suffix))
+        write_whole(out, picture(draw_map(wire_map, regions, map_.stem), out.suffix))
     typer.echo(str(out))
 
 

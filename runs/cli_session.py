@@ -74,7 +74,7 @@ def convert(
         Path,
         typer.Argument(
             metavar="TARGET",
-            help="From a bag: a session folder. From a session: a ROS 2 folder, or a .mcap, .db3 or .bag file.",
+            help="Of a bag or another layout: a session folder; of a session: a ROS 2 folder, .mcap, .db3, .bag.",
         ),
     ],
     map_: MapOption = None,
@@ -85,13 +85,14 @@ def convert(
         str | None, typer.Option(metavar="mcap|sqlite3", help="Storage of a ROS 2 folder; mcap unless told.")
     ] = None,
 ) -> None:
-    """Turn a bag into a session folder, or a session folder into a bag."""
+    """Turn a bag, or an EuRoC or TUM RGB-D folder, into a session folder; or a session folder into a bag."""
     from runs.bags.folder import write_folder
     from runs.bags.opening import is_bag
     from runs.bags.writing import write_bag
+    from runs.layouts import is_layout
     from runs.opening import Reading, open_session, wanted_topics
 
-    kind = _kind(source, target, is_bag(source), storage)
+    kind = _kind(source, target, is_bag(source), storage, is_bag(source) or is_layout(source))
     session = open_session(source, Reading(map_, robot, wanted_topics(topic or [], joints)))
     with progress_bar(target.name) as progress:
         if kind is None:
@@ -105,7 +106,7 @@ def convert(
         )
 
 
-def _kind(source: Path, target: Path, from_bag: bool, storage: str | None) -> BagKind | None:
+def _kind(source: Path, target: Path, from_bag: bool, storage: str | None, foreign: bool) -> BagKind | None:
     """Return the kind of bag to write, None for a session folder."""
     from runs.bags.bagfile import BagKind
 
@@ -113,7 +114,7 @@ def _kind(source: Path, target: Path, from_bag: bool, storage: str | None) -> Ba
     folders = {None: BagKind.MCAP, "mcap": BagKind.MCAP, "sqlite3": BagKind.SQLITE3}
     if storage not in folders:
         raise InputError("--storage", "", f"expected mcap or sqlite3, not {storage!r}")
-    if target.suffix in files or not from_bag:
+    if target.suffix in files or not foreign:
         if from_bag:
             raise InputError(target, "", f"{source} is a bag already; the target is to be a session folder")
         if target.suffix in files and storage is not None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from maps.errors import InputError
 from runs.bags.opening import is_bag
 from runs.bags.topics import Role, Wanted
+from runs.layouts import is_layout, read_layout
 from runs.session import Session, read_session
 
 
@@ -27,6 +28,8 @@ def open_session(path: Path, reading: Reading | None = None) -> Session:
         from runs.bags.reading import read_bag
 
         return read_bag(path, reading.map_path, reading.robot_path, reading.wanted)
+    if is_layout(path):
+        return read_layout(path, reading.map_path)
     for option, given in (
         ("--robot", reading.robot_path),
         ("--topic", reading.wanted.topics),

@@ -29,6 +29,7 @@ from maps.poses import Array, Pose2, frozen
 from maps.wiremap import WireMap
 from runs.robot import Robot, read_robot
 from runs.tables import Times, read_table
+from runs.video import folder_video
 from vision.camera import Camera
 from vision.images import GreyImage, decode_image, read_bytes, read_image
 
@@ -162,21 +163,35 @@ def read_session(folder: Path, map_path: Path | None = None) -> Session:
     if not folder.is_dir():
         raise InputError(folder, "", "no such session folder")
     robot = read_robot(folder / "robot.yaml")
-    odometry = _read_odometry(folder / "odometry.csv", robot)
+    odometry = read_odometry(folder / "odometry.csv", robot)
     frames = _read_frames(folder, robot) if (folder / "frames.csv").exists() else ()
     fixes = _read_fixes(folder / "fixes.csv") if (folder / "fixes.csv").exists() else ()
     if not frames and not fixes:
         raise InputError(folder, "", "neither frames.csv nor fixes.csv: nothing to localize with")
+    return session_of(folder, robot, odometry, frames, fixes, map_path)
+
+
+def session_of(
+    source: Path,
+    robot: Robot,
+    odometry: Odometry,
+    frames: tuple[Frame, ...],
+    fixes: tuple[RecordedFix, ...],
+    map_path: Path | None,
+) -> Session:
+    """Put a session together, whatever it was read from; InputError names what is missing."""
+    if not frames and not fixes:
+        raise InputError(source, "", "neither images nor fixes: nothing to localize with")
     if frames and robot.camera is None:
-        raise InputError(robot.path, "camera", "missing, and frames.csv lists images")
-    map_path = map_path or find_map(folder)
+        raise InputError(robot.path, "camera", "missing, and there are images")
+    map_path = map_path or find_map(source)
     if frames and map_path is None:
-        raise InputError(folder / "map.yaml", "", "no such file, nor one folder up; name one with --map")
-    stamps_ns = [look.stamp_ns for look in frames] + [look.stamp_ns for look in fixes]
-    start_ns = min(int(odometry.stamps_ns[0]), *stamps_ns)
+        raise InputError(source / "map.yaml", "", "no such file, nor one folder up; name one with --map")
+    looks_ns = [frame.stamp_ns for frame in frames] + [fix.stamp_ns for fix in fixes]
+    start_ns = min(int(odometry.stamps_ns[0]), *looks_ns)
     return Session(
-        name=folder.resolve().name,
-        folder=folder,
+        name=source.resolve().stem if source.is_file() else source.resolve().name,
+        folder=source,
         robot=robot,
         wire_map=read_map(map_path) if map_path else None,
         map_path=map_path,
@@ -194,7 +209,8 @@ def find_map(folder: Path) -> Path | None:
     return next((path for path in places if path.is_file()), None)
 
 
-def _read_odometry(path: Path, robot: Robot) -> Odometry:
+def read_odometry(path: Path, robot: Robot) -> Odometry:
+    """Read odometry.csv; InputError names the line of what cannot be."""
     table = read_table(path)
     stamps_ns = table.times()
     if len(table) < 2:
@@ -217,17 +233,21 @@ def _read_frames(folder: Path, robot: Robot) -> tuple[Frame, ...]:
     stamps_ns = table.times()
     corrected_ns = stamps_ns + robot.time_offset_ns
     arrivals_ns = table.arrivals(stamps_ns) if table.has("arrival_s") else corrected_ns
+    # Without file names the rows are the stamps of a video's frames.
+    filmed = None if table.has("filename") else folder_video(folder, len(table))
     frames = []
-    for row, filename in enumerate(table.texts("filename")):
+    for row, filename in enumerate(filmed.filenames if filmed else table.texts("filename")):
         with table.naming(row, "filename"):
-            path = _image_path(folder, filename)
+            path = folder / filename if filmed else image_path(folder, filename)
         stamp_ns, arrival_ns = int(corrected_ns[row]), int(arrivals_ns[row])
         # An image cannot arrive before it was taken, whatever the two clocks say.
-        frames.append(Frame(stamp_ns, max(arrival_ns, stamp_ns), filename, path))
+        picture = filmed.pictures[row] if filmed else None
+        frames.append(Frame(stamp_ns, max(arrival_ns, stamp_ns), filename, path, picture))
     return tuple(frames)
 
 
-def _image_path(folder: Path, filename: str) -> Path:
+def image_path(folder: Path, filename: str) -> Path:
+    """Return an image's path; ValueError where it leaves the folder, or is not there."""
     relative = PurePath(filename)
     if not filename or relative.is_absolute() or ".." in relative.parts:
         raise ValueError(f"{filename!r} is not a path inside the session folder")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +30,9 @@ from maps.poses import Array
 
 #: Walls are cut at this height over the storey's floor, as plans are drawn: through doors and windows.
 CUT_M = 1.0
+#: Where the header ends at the latest, and what it must have.
+_HEADER_BYTES = 2**16
+_SCHEMA = re.compile(rb"FILE_SCHEMA\s*\(\s*\(\s*'\w{1,40}'\s*\)\s*\)\s*;")
 #: No building is larger; beyond it areas overflow.
 MAX_COORDINATE_M = 1e5
 #: Rooms are lower than this; what lies higher over the floor is no ceiling of theirs.
@@ -97,8 +101,12 @@ class _Model:
             if path.stat().st_size > MAX_BYTES:
                 raise InputError(path, "", f"larger than {MAX_BYTES // 2**20} MB")
             with path.open("rb") as file:
-                if not file.read(64).lstrip().startswith(b"ISO-10303-21"):
-                    raise InputError(path, "line 1", "not an IFC file: no ISO-10303-21")
+                header = file.read(_HEADER_BYTES)
+            if not header[:64].lstrip().startswith(b"ISO-10303-21"):
+                raise InputError(path, "line 1", "not an IFC file: no ISO-10303-21")
+            # At some headers without it the library does not raise but ends the process.
+            if not _SCHEMA.search(header):
+                raise InputError(path, "FILE_SCHEMA", "missing in the header, or not a schema's name")
             return self._ifc.open(str(path))
         except OSError as error:
             raise InputError(path, "", error.strerror or str(error)) from None

@@ -19,6 +19,7 @@ from runs.robotfile import with_block
 from runs.session import TWIST_COLUMNS, WHEEL_COLUMNS, Session
 from runs.tables import Times
 from vision.camera import Camera
+from vision.rawimages import kept_file
 
 #: What the evaluation alone reads; it goes along as it is.
 TRUTH = ("ground_truth.csv", "ground_truth_dense.csv")
@@ -124,7 +125,7 @@ def _write_frames(folder: Path, session: Session, progress: Progress) -> None:
     for done, frame in enumerate(session.frames, start=1):
         path = folder / frame.filename
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(frame.data())
+        path.write_bytes(kept_file(frame.data()))
         progress(done, len(session.frames))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from maps.errors import InputError
 from runs.bags.opening import header_stamp_ns, opened, told
-from vision.rawimages import RawImage, raw_png
+from vision.rawimages import RawImage, raw_file
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -103,7 +103,7 @@ class Album:
             np.asarray(message.data, np.uint8),
         )
         try:
-            return raw_png(raw)
+            return raw_file(raw)
         except ValueError as error:
             raise InputError(self._bag, self._topic, str(error)) from None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from math import asin, atan2
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,10 @@ import numpy as np
 from maps.errors import InputError
 from maps.poses import Array
 from runs.camerainfo import camera_of_info
-from vision.camera import BASE_FROM_OPTICAL, Camera, CameraMount
+from vision.camera import BASE_FROM_OPTICAL, Camera, CameraMount, mount_of
 
 #: What robots call the frame between their wheels, the one on the floor first.
 BASES = ("base_footprint", "base_link", "base", "chassis")
-#: A camera that looks farther up or down than this is taken for one whose frame is not an optical one.
-_STEEPEST_RAD = 1.4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,16 +62,10 @@ class FrameTree:
             )
         rotation, place = self._from(frame, bases[0])
         _, floor = self._from(frame, BASES[0]) if BASES[0] in way else (rotation, place)
-        turn = rotation @ BASE_FROM_OPTICAL.T
-        pitch = asin(float(np.clip(-turn[2, 0], -1.0, 1.0)))
-        if abs(pitch) > _STEEPEST_RAD:
-            raise InputError(
-                path, "tf_static", f"{frame!r} looks straight up or down: no optical frame (z forward)"
-            )
-        if floor[2] <= 0.0:
-            raise InputError(path, "tf_static", f"{frame!r} is {floor[2]:.2f} m above the floor")
-        yaw, roll = atan2(turn[1, 0], turn[0, 0]), atan2(turn[2, 1], turn[2, 2])
-        return CameraMount(float(place[0]), float(place[1]), float(floor[2]), pitch, yaw, roll)
+        try:
+            return mount_of(rotation @ BASE_FROM_OPTICAL.T, np.array([place[0], place[1], floor[2]]))
+        except ValueError as error:
+            raise InputError(path, "tf_static", f"{frame!r} {error}") from None
 
     def _way(self, frame: str) -> list[str]:
         """Return the frames from one upwards, as far as nothing moves."""

@@ -70,6 +70,7 @@ def opened(path: Path) -> Iterator[AnyReader]:
 @contextmanager
 def told(path: Path) -> Iterator[None]:
     """Turn what rosbags raises over a damaged bag into an InputError."""
+    import apsw
     from rosbags.highlevel import AnyReaderError
     from rosbags.rosbag1 import ReaderError as ReaderError1
     from rosbags.rosbag2 import ReaderError as ReaderError2
@@ -88,7 +89,7 @@ def told(path: Path) -> Iterator[None]:
         raise InputError(path, "", f"not a bag that can be read: {error}") from None
     except OSError as error:
         raise InputError(path, "", error.strerror or str(error)) from None
-    except (*_DAMAGE, zstd.ZstdError) as error:
+    except (*_DAMAGE, apsw.Error, zstd.ZstdError) as error:
         what = f"{type(error).__name__} {error}".strip()
         raise InputError(path, "", f"a damaged bag ({what})") from None
 

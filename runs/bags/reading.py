@@ -15,7 +15,6 @@ import numpy as np
 
 from localization.odometry import OdometryNoise, advance
 from maps.errors import InputError
-from maps.mapfile import read_map
 from maps.outcomes import Fix, PoseBelief
 from maps.poses import Array, Pose2, frozen
 from runs.bags.collecting import Contents, collect
@@ -25,7 +24,7 @@ from runs.bags.opening import opened, stamp_ns
 from runs.bags.topics import JOINTS, Role, Topic, Wanted, choose, listed
 from runs.bags.wheels import TwistRows, WheelRows, heading, held_twists
 from runs.robot import Robot, Start, read_robot
-from runs.session import Frame, Odometry, RecordedFix, Session, find_map
+from runs.session import Frame, Odometry, RecordedFix, Session, session_of
 
 logger = logging.getLogger(__name__)
 
@@ -58,29 +57,11 @@ def read_bag(
     odometry = _odometry(bag, chosen[Role.ODOMETRY], contents, robot)
     frames = _frames(bag, chosen.get(Role.IMAGE), contents, robot)
     fixes = _fixes(bag, chosen.get(Role.FIXES), contents)
-    if not frames and not fixes:
-        raise InputError(bag, "", "neither images nor fixes: nothing to localize with")
     if frames and robot.camera is None:
         robot = _with_camera(bag, robot, chosen, contents)
-    map_path = map_path or find_map(bag)
-    if frames and map_path is None:
-        raise InputError(bag, "", "no map.yaml in it or beside it; name one with --map")
-    looks_ns = [frame.stamp_ns for frame in frames] + [fix.stamp_ns for fix in fixes]
-    start_ns = min(int(odometry.stamps_ns[0]), *looks_ns)
     if robot.start is None and contents.start is not None:
         robot = replace(robot, start=_start(bag, chosen[Role.START], contents.start, odometry))
-    return Session(
-        name=bag.resolve().stem if bag.is_file() else bag.resolve().name,
-        folder=bag,
-        robot=robot,
-        wire_map=read_map(map_path) if map_path else None,
-        map_path=map_path,
-        odometry=odometry,
-        frames=frames,
-        fixes=fixes,
-        start_ns=start_ns,
-        initial=robot.start.at(start_ns) if robot.start else None,
-    )
+    return session_of(bag, robot, odometry, frames, fixes, map_path)
 
 
 def robot_of(bag: Path, named: Path | None) -> Robot:

@@ -21,7 +21,7 @@ from runs.bags.topics import CAMERA_INFO, IMAGES, JOINTS, ODOMETRY, POSE, TRANSF
 from runs.camerainfo import ros_model_of
 from runs.session import Frame, Odometry, Session
 from vision.camera import Camera
-from vision.rawimages import png
+from vision.rawimages import kept_file, plain_file
 
 IMAGE_TOPIC, INFO_TOPIC = "/camera/image/compressed", "/camera/camera_info"
 JOINTS_TOPIC, ODOMETRY_TOPIC = "/joint_states", "/odom"
@@ -115,10 +115,10 @@ def _fixes(session: Session) -> Iterator[Message]:
 
 def _compressed(frame: Frame) -> tuple[str, bytes]:
     """Return an image's format and file; what is neither JPEG nor PNG becomes a grey PNG."""
-    content = frame.data()
+    content = kept_file(frame.data())
     if content.startswith(b"\xff\xd8\xff"):
         return "jpeg", content
-    return "png", content if content.startswith(b"\x89PNG") else png(frame.image())
+    return "png", content if content.startswith(b"\x89PNG") else kept_file(plain_file(frame.image()))
 
 
 def _belief(belief: PoseBelief) -> dict[str, Any]:

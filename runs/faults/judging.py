@@ -24,10 +24,9 @@ class Judgement:
     """What a fault did.
 
     `wrong_s`: longest time on end in TRACKING with the pose wrong, after the third observable frame.
-    `recovered_after`: frames from the fault's end on until a pose is right and said to be; 0 where the last
-    frame before its end was, None where that never came or there was no end. `lost_after`: frames until the
-    first LOST, None for never. `wrong_looks`: most good frames on end after each of which the state is TRACKING
-    and the pose wrong.
+    `wrong_looks`: most good frames on end after each of which the state is TRACKING and the pose wrong.
+    `recovered_after`: good frames from the fault's end on until a pose is right and said to be, None where that
+    never came or there was no end. `lost_after`: frames until the first LOST, None for never.
     """
 
     wrong_s: float | None
@@ -55,6 +54,9 @@ def judged(original: Recording, span: Span, result: RunResult, truth: Trajectory
 def _wrong_looks(result: RunResult, good: set[int], truth: Trajectory) -> int:
     longest = lasting = 0
     for record in result.records:
+        if record.x_m is None:
+            # Older than the filter remembers, or ahead of odometry: nothing was said of that moment.
+            continue
         if record.state != State.TRACKING.value or _right(record, truth):
             lasting = 0
         elif record.stamp_ns in good:
@@ -64,9 +66,6 @@ def _wrong_looks(result: RunResult, good: set[int], truth: Trajectory) -> int:
 
 
 def _recovered(result: RunResult, span: Span, good: set[int], truth: Trajectory) -> int | None:
-    before = [record for record in result.records if record.stamp_ns < span.end_ns]
-    if before and _right(before[-1], truth):
-        return 0
     after = [
         record for record in result.records if record.stamp_ns >= span.end_ns and record.stamp_ns in good
     ]

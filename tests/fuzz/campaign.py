@@ -72,6 +72,9 @@ def campaign(reader: Reader, seconds: float, seed: int, keep: Path) -> tuple[int
         theirs.close()
         with contextlib.suppress(EOFError):
             while True:
+                if not ours.poll(4.0 * MOST_S):
+                    # It hangs where no signal of Python's gets through.
+                    process.kill()
                 what = ours.recv()
                 tries += 1
                 if what is not None:

@@ -130,9 +130,11 @@ def _dxf() -> bytes | None:
         import ezdxf
     except ModuleNotFoundError:
         return None
+    import logging
     from io import StringIO
 
-    document, text = ezdxf.new("R12"), StringIO()
+    logging.getLogger("ezdxf").setLevel(logging.ERROR)
+    document, text = ezdxf.new("R12", units=0), StringIO()
     space = document.modelspace()
     space.add_polyline2d([(0, 0), (8, 0), (8, 3), (0, 3)], close=True, dxfattribs={"layer": "A-WALL"})
     space.add_line((3, 0), (4, 0), dxfattribs={"layer": "Doors"})

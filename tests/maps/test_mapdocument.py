@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from toy_building import toy_building
 
-from maps.mapdocument import DECIMALS, MapDocument, read_document, write_map
+from maps.mapdocument import DECIMALS, MapDocument, read_document, write_map, write_whole
 from maps.mapfile import read_map
 
 SIZES = st.floats(-1e4, 1e4, allow_nan=False)
@@ -85,3 +85,21 @@ def test_a_write_that_fails_leaves_the_old_map(tmp_path: Path, monkeypatch: pyte
         write_map(path, document)
     assert [entry.name for entry in tmp_path.iterdir()] == ["map.yaml"]
     assert path.read_text() == "old"
+
+
+def test_a_write_that_fails_leaves_what_was_there_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "map.yaml"
+    write_whole(path, b"whole")
+
+    def full(self: Path, content: bytes) -> None:
+        with self.open("wb") as file:
+            file.write(content[:2])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="No space"):
+        write_whole(path, b"another")
+    assert path.read_bytes() == b"whole"
+    assert [one.name for one in tmp_path.iterdir()] == ["map.yaml"]

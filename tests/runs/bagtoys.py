@@ -36,6 +36,11 @@ def cut_sample(sample, folder, frames=3):
     return folder
 
 
+def write_table(path, header, rows):
+    """Write a CSV file."""
+    path.write_text("\n".join([header, *rows]) + "\n")
+
+
 def drawn(seed, height=12, width=16, channels=1):
     """Return a small picture of noise (H, W) or (H, W, C)."""
     shape = (height, width) if channels == 1 else (height, width, channels)

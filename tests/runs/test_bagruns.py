@@ -8,8 +8,7 @@ import pytest
 
 pytest.importorskip("rosbags")
 
-from bagtoys import KINDS, cut_sample
-from conftest import write_rows
+from bagtoys import KINDS, cut_sample, write_table
 from rerun.chunk import RrdReader
 from rosbags.highlevel import AnyReader
 
@@ -57,11 +56,11 @@ def test_late_and_twisted(wireloc, toy, tmp_path):
     assert first.startswith("timestamp_s,left")
     times = [row.split(",")[0] for row in rows]
     twists = [f"{at},{0.4 + 0.001 * row},0.3,{float(at) + 0.02}" for row, at in enumerate(times)]
-    write_rows(toy / "odometry.csv", "timestamp_s,forward_mps,turn_radps,arrival_s", twists)
+    write_table(toy / "odometry.csv", "timestamp_s,forward_mps,turn_radps,arrival_s", twists)
     first, *rows = (toy / "fixes.csv").read_text().splitlines()
     late = [[*row.split(","), f"{float(row.split(',')[0]) + 0.6}"] for row in rows]
     late[2][3] = late[2][6] = ""
-    write_rows(toy / "fixes.csv", f"{first},arrival_s", [",".join(row) for row in late])
+    write_table(toy / "fixes.csv", f"{first},arrival_s", [",".join(row) for row in late])
     assert wireloc("session", "convert", toy, tmp_path / "bag").code == 0
     assert wireloc("session", "convert", tmp_path / "bag", tmp_path / "back").code == 0
     one = ran(toy)
