@@ -42,7 +42,7 @@ class RefinementConfig:
     #: How much better or worse than promised, as a factor, lines may turn out to fit.
     spread_limits: tuple[float, float] = (0.3, 1.5)
     #: So many lines it takes to say it as loudly as the map and the extraction do.
-    spread_prior: float = 6.0
+    spread_prior: float = 8.0
     #: Optima nearer than this to a better one are the same.
     same_m: float = 0.005
     same_rad: float = 0.002
@@ -137,13 +137,15 @@ class Scene:
         """Return how often each predicted piece shows in an image, (P,)."""
         return config.evidence.rates(self.projector.wire_map.detection_rate[view.predicted.rows])
 
-    def credence(self, view: View, spread: float, config: RefinementConfig) -> Array:
+    def credence(self, view: View, trial: Trial, pose_px: float, config: RefinementConfig) -> Array:
         """Return how likely each pair is right, (K,): in wide gates among many lines, not very."""
-        gates, pieces = self.gates_px(view, spread, config), view.matches.pieces
+        gates, pieces = self.gates_px(view, trial.spread, config), view.matches.pieces
+        if trial.estimate is None:
+            pose_px = math.hypot(pose_px, self.projector.camera.shift_px)
         accidents = accidental_share(view.predicted, self.lines, gates, self.projector.camera.area_px)
         return credence(
             view.matches,
-            gates[pieces] / GATE_SIGMAS,
+            np.hypot(pose_px, gates[pieces] / GATE_SIGMAS),
             self.rates(view, config)[pieces],
             (accidents / (2.0 * gates))[pieces],
             config.student,
@@ -171,7 +173,7 @@ def _improve(scene: Scene, trial: Trial, pose_px: float, config: RefinementConfi
     predicted, matches, lines = view.predicted, view.matches, scene.lines
     if len(set(predicted.rows[matches.pieces].tolist())) < _MIN_SEGMENTS:
         return None
-    credence = scene.credence(view, trial.spread, config)
+    credence = scene.credence(view, trial, pose_px, config)
     seen = observations(
         scene.projector, lines, predicted, matches, view.map_px, trial.spread, credence=credence
     )
