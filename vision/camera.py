@@ -124,15 +124,27 @@ class Camera:
         """
         mount = self.mount
         height, pitch, roll, yaw = (0.0, 0.0, 0.0, 0.0) if deviations is None else deviations[:4]
-        base_from_optical = (
-            rotation_z(mount.yaw_rad + yaw)
-            @ rotation_y(mount.pitch_down_rad + pitch)
-            @ rotation_x(mount.roll_rad + roll)
-            @ BASE_FROM_OPTICAL
+        psi, phi = map_from_robot.phi + mount.yaw_rad + yaw, map_from_robot.phi
+        pitch, roll = mount.pitch_down_rad + pitch, mount.roll_rad + roll
+        c, s, cp, sp = math.cos(psi), math.sin(psi), math.cos(pitch), math.sin(pitch)
+        cr, sr = math.cos(roll), math.sin(roll)
+        # Rz(psi) Ry(pitch) Rx(roll) of the level camera's axes, written out: every prediction comes by here.
+        rotation = np.array(
+            [
+                [s * cr - c * sp * sr, -c * sp * cr - s * sr, c * cp],
+                [-s * sp * sr - c * cr, c * sr - s * sp * cr, s * cp],
+                [-cp * sr, -cp * cr, -sp],
+            ]
         )
-        turn = rotation_z(map_from_robot.phi)
-        lever = turn @ [mount.x_m, mount.y_m, mount.height_m + height]
-        return turn @ base_from_optical, lever + [map_from_robot.x, map_from_robot.y, 0.0]
+        cos, sin = math.cos(phi), math.sin(phi)
+        centre = np.array(
+            [
+                map_from_robot.x + cos * mount.x_m - sin * mount.y_m,
+                map_from_robot.y + sin * mount.x_m + cos * mount.y_m,
+                mount.height_m + height,
+            ]
+        )
+        return rotation, centre
 
 
 def mount_of(base_from_level: Array, place: Array) -> CameraMount:
