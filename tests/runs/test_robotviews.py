@@ -125,5 +125,6 @@ def test_the_tilt_that_explains_the_lines_is_found(session):
     askew = with_robot(session, wrong, TIGHT)
     std = np.array([0.02, 0.02, 0.02, 0.02, 0.02, 0.02])
     found = with_best_tilt(askew, wrong, std, shots, poses, MatcherConfig(), TiltConfig())
-    assert np.abs(found[3:5] - true[3:5]).max() < TiltConfig().step_rad
+    # Exact lines are put right from the next step but one, too: what is left is less than one and a half.
+    assert np.abs(found[3:5] - true[3:5]).max() < 1.5 * TiltConfig().step_rad
     np.testing.assert_array_equal(np.delete(found, [3, 4]), np.delete(wrong, [3, 4]))
