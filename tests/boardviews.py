@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from maps.poses import Array
 from vision.boards import Board, Charuco, Corners
-from vision.camera import Camera, CameraModel, CameraMount, rotation_x, rotation_y, rotation_z
+from vision.camera import Camera, CameraModel, CameraMount, rotation_x, rotation_y
 from vision.images import GreyImage
 
 #: Small pictures, so that many can be drawn.
@@ -26,6 +27,12 @@ FISHEYE = Camera(
 #: Pixels a square has in the flat picture of the board, and rays a pixel has in each direction.
 _SQUARE_PX = 24
 _FINE = 2
+
+
+def rotation_z(angle: float) -> Array:
+    """Rotate about z, right-handed, (3, 3)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True)

@@ -174,9 +174,3 @@ def rotation_y(angle: float) -> Array:
     """Rotate about y, right-handed, (3, 3)."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def rotation_z(angle: float) -> Array:
-    """Rotate about z, right-handed, (3, 3)."""
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

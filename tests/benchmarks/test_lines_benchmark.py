@@ -11,7 +11,6 @@ import csv
 import time
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -33,15 +32,6 @@ LSD = LineConfig(method=LineMethod.LSD, min_length_px=0.0)
 PLAIN = Camera(
     CameraModel.PINHOLE_RADTAN, 640, 480, 640.0, 640.0, 319.5, 239.5, np.zeros(5), CameraMount()
 )  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    """OpenCV shall not help itself to a second core."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    yield
-    cv2.setNumThreads(before)
 
 
 def tell(*figures: object) -> None:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -35,15 +34,6 @@ MOST = (1.0, 2.5, 50.0)
 ROUNDS = 5
 #: Pieces that a view of the office must show to be timed.
 RICH = 12
-
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    """OpenCV shall not help itself to a second core."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    yield
-    cv2.setNumThreads(before)
 
 
 def tell(*figures: object) -> None:
