@@ -19,6 +19,7 @@ from vision.lines import LineConfig
 from vision.pose import LineObservations, pose_bound
 from vision.projection import Prediction, Projector
 from vision.scoring import EvidenceConfig
+from vision.weighing import map_deviations_px
 
 #: Standard deviations beyond these are no constraint in a building.
 UNCONSTRAINED_M, UNCONSTRAINED_RAD = 5.0, math.radians(45.0)
@@ -88,15 +89,16 @@ def expected_observations(
     The noise is that of an extracted line and of the edge's place in the map, which the pieces of one segment
     share.
     """
-    wire_map, focal_px = projector.wire_map, projector.camera.focal_px
     _, segment, counts = np.unique(predicted.rows, return_inverse=True, return_counts=True)
-    map_px = focal_px * wire_map.sigma_m[predicted.rows] / predicted.depths_m.mean(axis=1)
+    map_px = map_deviations_px(projector, predicted)
     line_px = config.sigma_px / math.sqrt(2.0)
     sigma = np.hypot(line_px, map_px * np.sqrt(counts[segment])) / np.sqrt(rates)
     return LineObservations(
         moments=projector.moments[predicted.rows],
         directions=projector.directions[predicted.rows],
-        rays=np.concatenate([predicted.ideal_px, np.full((len(predicted), 2, 1), focal_px)], axis=2),
+        rays=np.concatenate(
+            [predicted.ideal_px, np.full((len(predicted), 2, 1), projector.camera.focal_px)], axis=2
+        ),
         sigma_middle_px=sigma,
         sigma_slope_px=sigma,
     )

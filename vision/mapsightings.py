@@ -20,6 +20,7 @@ from vision.lines import ImageSegments, LineConfig
 from vision.measurements import LineMeasurements, measured_lines
 from vision.pose import LineObservations, distances_and_jacobian, estimate_pose, nuisance_information
 from vision.projection import Prediction, Projector
+from vision.weighing import map_deviations_px
 
 #: Columns of the estimator's Jacobian for the camera's x, y and height: minus those for moving an edge.
 _PLACE = [0, 1, 3]
@@ -139,7 +140,7 @@ def _fitted(
     here, state = pose, np.r_[pose.as_array(), np.zeros(7)]
     for pose_px in config.pose_px:
         predicted = projector.predict(here, every)
-        map_px = _map_px(projector, predicted)
+        map_px = map_deviations_px(projector, predicted)
         # Which side is brighter is what is to be learnt.
         matches = associate(predicted, lines, pose_px, map_px, np.zeros(len(predicted)))
         if len(np.unique(predicted.rows[matches.pieces])) < config.least_segments:
@@ -229,7 +230,7 @@ def _observed(
     line: NDArray[np.int64],
 ) -> LineObservations:
     """Pairs of pieces and lines, (K,) each, as the estimator takes them."""
-    rows, map_px = predicted.rows[piece], _map_px(projector, predicted)[piece]
+    rows, map_px = predicted.rows[piece], map_deviations_px(projector, predicted)[piece]
     return LineObservations(
         moments=projector.moments[rows],
         directions=projector.directions[rows],
@@ -237,13 +238,6 @@ def _observed(
         sigma_middle_px=np.hypot(lines.sigma_middle_px[line], map_px),
         sigma_slope_px=np.hypot(lines.sigma_slope_px[line], map_px),
     )
-
-
-def _map_px(projector: Projector, predicted: Prediction) -> Array:
-    """Standard deviations of the pieces' places in the map, in pixels, (P,)."""
-    sigma_m = projector.wire_map.sigma_m[predicted.rows]
-    result: Array = projector.camera.focal_px * sigma_m / predicted.depths_m.mean(axis=1)
-    return result
 
 
 def _middle_and_slope(ends: Array) -> Array:

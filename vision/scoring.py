@@ -66,11 +66,19 @@ def log_likelihood_ratio(
     units = np.minimum(lengths / config.unit_px, config.max_units)
     chance = accidental_share(predicted, lines, gates_px, area_px)
     chance = np.minimum(np.maximum(chance, config.min_chance), 0.5)
-    # An edge that does not show may still be covered by accident.
-    hit, miss = np.log(rate / chance + 1.0 - rate), np.log1p(-rate)
+    hit, miss = worth(rate, chance)
     total = float((units * (covered * hit + (1.0 - covered) * miss)).sum())
     # Density of the distance under the estimator's noise against uniform over the gate.
     closeness = np.log(2.0 * gates_px[matches.pieces])
     closeness += student_log_density(matches.distances_px.mean(axis=1), sigma_px, student)
     claimed = np.minimum((matches.spans_px[:, 1] - matches.spans_px[:, 0]) / config.unit_px, 1.0)
     return total + float((claimed * closeness).sum())
+
+
+def worth(rate: Array, chance: Array | float) -> tuple[Array, Array]:
+    """Return what a covered and an empty look at an edge are worth over chance, [nats], (P,) each.
+
+    `rate`: (P,) how often the edge shows. `chance`: how often an accident covers a look; one that the edge does not
+    cover, an accident still may.
+    """
+    return np.log(rate / chance + 1.0 - rate), np.log1p(-rate)

@@ -18,6 +18,8 @@ from maps.poses import Array, Pose2
 from maps.symmetries import PLACES, PLACES_AT, Symmetries
 from vision.localizability import ExpectationConfig, ExpectedLook, rates_of
 from vision.projection import Prediction, Projector
+from vision.scoring import worth
+from vision.weighing import map_deviations_px
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,17 +117,14 @@ class TwinFinder:
         """Expected evidence of each piece for its pose where this share of it is in the world, (P,)."""
         config = self._config.expectation.evidence
         units = np.minimum(predicted.lengths_px / config.unit_px, config.max_units)
-        hit = np.log(rates / config.min_chance)
-        miss = np.minimum(np.log((1.0 - rates) / (1.0 - config.min_chance)), 0.0)
+        hit, miss = worth(rates, config.min_chance)
         result: Array = units * (covered * rates * hit + (1.0 - covered * rates) * miss)
         return result
 
     def _sigma_px(self, predicted: Prediction) -> Array:
         """How far off an edge may be in the image, by noise and by the map, (P,)."""
-        map_px = self._projector.camera.focal_px * self._projector.wire_map.sigma_m[predicted.rows]
-        result: Array = np.hypot(
-            self._config.expectation.lines.sigma_px, map_px / predicted.depths_m.mean(axis=1)
-        )
+        map_px = map_deviations_px(self._projector, predicted)
+        result: Array = np.hypot(self._config.expectation.lines.sigma_px, map_px)
         return result
 
     def _same(self, pose: Pose2, other: Pose2) -> bool:
