@@ -181,19 +181,7 @@ def _scores(
         for p in range(starts[views[h]], starts[views[h] + 1]):
             if _beside(pieces[p], centre_x, centre_y, mount[2], cos, sin, sides):
                 continue
-            for end in range(2):
-                east, north = pieces[p, end, 0] - centre_x, pieces[p, end, 1] - centre_y
-                ahead, left, up = (
-                    cos * east + sin * north,
-                    cos * north - sin * east,
-                    pieces[p, end, 2] - mount[2],
-                )
-                for axis in range(3):
-                    ends[end, axis] = (
-                        ahead * level_from_optical[0, axis]
-                        + left * level_from_optical[1, axis]
-                        + up * level_from_optical[2, axis]
-                    )
+            _seen(pieces[p], centre_x, centre_y, mount[2], cos, sin, level_from_optical, ends)
             low, high = framed_span(ends, bounds)
             if low >= high:
                 continue
@@ -211,14 +199,7 @@ def _scores(
             elif worth[_POLARITY, p] < -0.5:
                 first, plane = second, nearness[second]
             looks = max(int(min(length / unit_px, max_units)), 1) + 1
-            near = 0.0
-            for at in range(looks):
-                along = (at + 0.5) / looks
-                column = int((u0 + along * (u1 - u0) - grid[0]) / grid[2])
-                row = int((v0 + along * (v1 - v0) - grid[1]) / grid[2])
-                if 0 <= row < plane.shape[0] and 0 <= column < plane.shape[1]:
-                    near += plane[row, column]
-            near /= 255.0 * looks
+            near = _found(plane, grid, (u0, v0), (u1, v1), looks)
             units = min(length / unit_px, max_units)
             chance = 0.5 * (log_chance[first] + log_chance[second])
             no_chance = 0.5 * (log_no_chance[first] + log_no_chance[second])
@@ -240,6 +221,44 @@ def _beside(piece: Array, x: float, y: float, z: float, cos: float, sin: float, 
         ):
             return True
     return False
+
+
+@njit(cache=True, nogil=True)
+def _seen(
+    piece: Array,
+    x: float,
+    y: float,
+    z: float,
+    cos: float,
+    sin: float,
+    level_from_optical: Array,
+    ends: Array,
+) -> None:
+    """Fill in a piece's end points (2, 3) in the optical frame of a camera at x, y, z."""
+    for end in range(2):
+        east, north, up = piece[end, 0] - x, piece[end, 1] - y, piece[end, 2] - z
+        ahead, left = cos * east + sin * north, cos * north - sin * east
+        for axis in range(3):
+            ends[end, axis] = (
+                ahead * level_from_optical[0, axis]
+                + left * level_from_optical[1, axis]
+                + up * level_from_optical[2, axis]
+            )
+
+
+@njit(cache=True, nogil=True)
+def _found(
+    plane: NDArray[np.uint8], grid: Array, start: tuple[float, float], end: tuple[float, float], looks: int
+) -> float:
+    """How near lines of one direction are to a piece, on the mean of so many looks along it: 0 to 1."""
+    near = 0.0
+    for at in range(looks):
+        along = (at + 0.5) / looks
+        column = int((start[0] + along * (end[0] - start[0]) - grid[0]) / grid[2])
+        row = int((start[1] + along * (end[1] - start[1]) - grid[1]) / grid[2])
+        if 0 <= row < plane.shape[0] and 0 <= column < plane.shape[1]:
+            near += plane[row, column]
+    return near / (255.0 * looks)
 
 
 @njit(cache=True, nogil=True)
