@@ -105,6 +105,12 @@ class Hypotheses:
         """Return the hypothesis of a name, None where it is gone."""
         return next((place for place in self.places if place.name == name), None)
 
+    def without(self, place: Hypothesis) -> Hypotheses:
+        """Give up a place: its weight goes elsewhere."""
+        places = tuple(other for other in self.places if other is not place)
+        elsewhere = self.elsewhere + place.weight
+        return Hypotheses(places, elsewhere, self.looked_ns, self.way_m, self.way_rad, self.born)
+
     def moved(self, step: OdometryStep, config: HypothesesConfig) -> Hypotheses:
         """Move every place along a step; what has become too vague to say anything goes elsewhere."""
         places, elsewhere = [], self.elsewhere

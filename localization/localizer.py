@@ -9,6 +9,7 @@ from localization.ekf import Estimate
 from localization.heading import HeadingConfig, HeadingSearch
 from localization.hypotheses import HypothesesConfig
 from localization.odometry import OdometryStep
+from localization.plausible import Plausibility, PlausibleConfig
 from localization.sightings import EvidenceConfig, Sighting, sighting_of
 from localization.states import Diagnosis, State, StateConfig, diagnose
 from localization.timeline import Timeline, TimelineConfig
@@ -35,6 +36,7 @@ class LocalizerConfig:
     window: WindowConfig = field(default_factory=WindowConfig)
     state: StateConfig = field(default_factory=StateConfig)
     heading: HeadingConfig = field(default_factory=HeadingConfig)
+    plausible: PlausibleConfig = field(default_factory=PlausibleConfig)
 
 
 class Localizer:
@@ -47,6 +49,7 @@ class Localizer:
         """Begin at a belief; None, or an infinite variance, for what is not known of the pose."""
         self._config = config or LocalizerConfig()
         self._reckoning = DeadReckoning()
+        self._plausibility = Plausibility(self._config.plausible)
         self.reset(initial)
 
     def reset(self, belief: PoseBelief | None) -> None:
@@ -98,10 +101,17 @@ class Localizer:
         belief = self.belief_at(self._reckoning.stamp_ns)
         return None if belief is None else belief.pose @ self._reckoning.odom_from_robot.inverse()
 
-    def predict(self, step: OdometryStep) -> None:
-        """Follow one odometry step; steps come in order of time."""
-        self._reckoning.follow(step)
-        self._follow(step)
+    @property
+    def implausible(self) -> int:
+        """How many odometry steps said what no wheels can do, and were not believed."""
+        return self._plausibility.refused
+
+    def predict(self, step: OdometryStep) -> OdometryStep:
+        """Follow one odometry step, and return it as it was believed; steps come in order of time."""
+        believed = self._plausibility.checked(step)
+        self._reckoning.follow(believed)
+        self._follow(believed)
+        return believed
 
     def fuse(
         self, outcome: Outcome, window: SearchWindow | None = None, stamp_ns: int | None = None

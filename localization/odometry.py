@@ -74,11 +74,15 @@ class OdometryStep:
         )
 
     def continued(self, stamp_ns: int) -> OdometryStep:
-        """Guess the motion from this step's end to a later stamp: its rates go on.
+        """Guess the motion from this step's end to a later stamp."""
+        return self.gone_on(self.stamp_ns, stamp_ns)
+
+    def gone_on(self, start_ns: int, stamp_ns: int) -> OdometryStep:
+        """Guess the motion between two later stamps: this step's rates go on.
 
         The robot may as well have stopped, or doubled its speed: one standard deviation.
         """
-        guess = self.part(self.stamp_ns, stamp_ns)
+        guess = self.part(start_ns, stamp_ns)
         unknown = np.diag([guess.forward_m**2, guess.turn_rad**2])
         return replace(guess, covariance=guess.covariance + unknown)
 

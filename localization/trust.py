@@ -21,12 +21,22 @@ class TrustConfig:
     `switch`: the leading place is trusted no longer once another one is so much likelier; less would make
     the published pose jump to and fro. The other one takes over when it is sure. `lost`: nor is a place
     less likely than this.
+    `share`: nor one found while lost by fewer looks, up to `most_views`, than this share of those that have found
+    something else or nothing since. Where most find nothing the map may be another building's, and what fits some
+    of them does so by chance.
+    `patience`: a place is given up after so many looks on end that it did not explain, and one more for each that it
+    did, up to `most_patience`. One that was told, and that nothing has shown, is soon given up; one that has been
+    tracked lives on by odometry.
     """
 
     sure: float = 0.8
     views: float = 2.0
     switch: float = 2.0
     lost: float = 0.2
+    share: float = 0.3
+    most_views: float = 6.0
+    patience: float = 6.0
+    most_patience: float = 60.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +97,10 @@ class Mind:
         if isinstance(verdict, ACCEPTED):
             return Mind(hypotheses, leader, trusted), verdict
         apart = 0.0 if sighting.blind else self.hypotheses.independence(sighting.stamp_ns, config)
-        return Mind(hypotheses, leader, trusted, self.misses + 1, self.unexplained + apart), verdict
+        unexplained = self.unexplained + apart
+        if trusted and place and unexplained > min(trust.patience + place.views, trust.most_patience):
+            hypotheses, leader, trusted = hypotheses.without(place), None, False
+        return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained), verdict
 
     def _unfused(self, sighting: Sighting) -> Verdict:
         """Return why a look was not fused; one place is told how far off it was."""
@@ -101,8 +114,10 @@ class Mind:
         if not hypotheses.places:
             return None, False
         best, old = hypotheses.places[0], hypotheses.named(self.leader)
+        others = self.unexplained + 1.0 - best.views
+        views = min(max(trust.views, trust.share * others), trust.most_views)
         if self.trusted and old is not None:
-            rival = next((place for place in hypotheses.places if place.views >= trust.views), old)
+            rival = next((place for place in hypotheses.places if place.views >= views), old)
             if old.weight >= max(trust.lost, rival.weight / trust.switch):
                 return old.name, True
-        return best.name, best.views >= trust.views and best.weight >= trust.sure
+        return best.name, best.views >= views and best.weight >= trust.sure

@@ -94,6 +94,16 @@ class PoseEllipsoid:
         result: NDArray[np.bool_] = np.einsum("hi,ij,hj->h", away, self.matrix, away) <= 1.0 + 1e-9
         return result
 
+    def spread_at(self, belief: PoseBelief) -> float:
+        """Return how much a flat prior as dense as the Gaussian is at a belief would hold [m^2 rad].
+
+        Near the centre that is a fraction of the `volume`; it is no more than that at the rim.
+        """
+        away = belief.pose.minus(self.centre)
+        squared = float(away @ np.linalg.solve(self.covariance + belief.covariance, away))
+        flat = math.sqrt(float(np.linalg.det(2.0 * math.pi * self.covariance)))
+        return min(flat * math.exp(0.5 * min(squared, self.gate)), self.volume)
+
     def widened(self, by: Array) -> PoseEllipsoid:
         """Return the ellipsoid with its half-axes longer by up to `by` (3,) [m, m, rad], where it is thin."""
         return PoseEllipsoid(self.centre, self.covariance + np.diag(by**2) / self.gate, self.gate)

@@ -81,6 +81,8 @@ class TrackLog:
         gaps = np.flatnonzero(np.diff(track.stamps_ns) > GAP_NS)
         starts = np.append(0, ends[:-1])
         starts += np.isin(starts, gaps)
+        # A second that ends where a gap begins has nothing to draw.
+        starts, ends = starts[starts <= ends], ends[starts <= ends]
         colour, _ = TRACKS[name]
         style = rr.LineStrips3D.from_fields(colors=rgb(colour), radii=rr.Radius.ui_points(1.5))
         self._recording.log(f"{self._root}world/tracks/{name}", style, static=True)

@@ -133,7 +133,7 @@ class LineMatcher:
         if not candidates:
             return NoFix(Reason.NO_HYPOTHESIS, look)
         look = self._looked_at(candidates[0], look)
-        tried = self._different_poses(window, candidates[0].gate_px)
+        tried = self._different_poses(window, candidates[0])
         return decide(candidates, look, tried, self.config.lost if wide else self.config.decision)
 
     def _search_window(
@@ -178,15 +178,19 @@ class LineMatcher:
         near = window.dt_m <= self.config.near_m and window.dphi_rad <= self.config.near_rad
         return min(self.config.refined_near, self.config.refined) if near else self.config.refined
 
-    def _different_poses(self, window: SearchWindow, gate_px: float) -> float:
-        """How many poses of a window an image can tell apart, at least one: edges leave their gates in between."""
-        apart_rad = _APART_GATES * gate_px / self.camera.focal_px
+    def _different_poses(self, window: SearchWindow, found: Candidate) -> float:
+        """How many poses that an image can tell apart were as likely as the one found, at least one.
+
+        Edges leave their gates between two such poses. In a disc all are alike; in a belief's ellipsoid there are
+        more of them towards the rim.
+        """
+        apart_rad = _APART_GATES * found.gate_px / self.camera.focal_px
         apart_m = _FAR_M * apart_rad
         area = min(math.pi * window.dt_m**2, self.wire_map.floor.area)
         number = max(area / apart_m**2, 1.0) * max(2.0 * window.dphi_rad / apart_rad, 1.0)
         if window.ellipsoid is None:
             return number
-        return max(min(number, window.ellipsoid.volume / (apart_m**2 * apart_rad)), 1.0)
+        return max(min(number, window.ellipsoid.spread_at(found.belief) / (apart_m**2 * apart_rad)), 1.0)
 
     def _selected(self, window: SearchWindow) -> NDArray[np.int64]:
         """The segments that can be seen from somewhere in the window."""

@@ -226,10 +226,51 @@ def test_a_pose_that_many_images_contradict_is_lost_and_comes_back_only_confirme
         localizer.fuse(*nothing(second + 1.0))
     assert localizer.state is State.LOST
     assert localizer.belief is None
-    for second, state in ((8, State.LOST), (9, State.TRACKING)):
+    # Two looks that agree are not enough where eight found nothing.
+    for second, state in ((8, State.LOST), (9, State.LOST), (10, State.TRACKING)):
         localizer.predict(still(second, second + 1))
         localizer.fuse(seen(second + 1.0))
         assert localizer.state is state
+
+
+@pytest.mark.parametrize("shown", [0, 4])
+def test_a_place_that_few_looks_have_shown_is_given_up_soon(shown):
+    """Whatever the reason: of another building's map nobody can say what should be seen."""
+    localizer = Localizer(KNOWN)
+    for second in range(shown):
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(seen(second + 1.0))
+    for second in range(shown, 2 * shown + 6):
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(NoFix(Reason.NOTHING_VISIBLE))
+        assert localizer.state is not State.LOST
+    localizer.predict(still(2 * shown + 6, 2 * shown + 7))
+    localizer.fuse(NoFix(Reason.NOTHING_VISIBLE))
+    assert localizer.state is State.LOST
+    assert localizer.diagnosis.places == 0
+
+
+def test_a_covered_camera_gives_no_place_up():
+    localizer = Localizer(KNOWN)
+    for second in range(30):
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(NoFix(Reason.TOO_FEW_SEGMENTS))
+    assert localizer.belief is not None
+
+
+@pytest.mark.parametrize(("found_nothing", "needed"), [(0, 2), (6, 2), (10, 3), (15, 4.5), (100, 6)])
+def test_where_most_looks_find_nothing_more_must_agree(found_nothing, needed):
+    localizer = Localizer()
+    for second in range(found_nothing):
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(NoFix(Reason.WEAK_EVIDENCE), SearchWindow.everywhere())
+    agreed = 0
+    while localizer.state is State.LOST:
+        second = found_nothing + agreed
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(seen(second + 1.0))
+        agreed += 1
+    assert agreed == math.ceil(needed)
 
 
 def test_position_only_fixes_bring_back_a_robot_that_knew_nothing():

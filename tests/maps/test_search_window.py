@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, multivariate_normal
 
 from maps.outcomes import PoseBelief, PoseEllipsoid, SearchWindow
 from maps.poses import Array, Pose2
@@ -67,3 +67,13 @@ def test_equal_windows_are_equal_whatever_arrays_they_hold() -> None:
     assert hash(one) == hash(same)
     assert len({one, same, other, SearchWindow(CENTRE, 1.0, 0.3)}) == 3
     assert THIN != "ellipsoid"
+
+
+def test_near_the_centre_fewer_poses_are_as_likely_and_never_more_than_the_volume_at_the_rim() -> None:
+    exact = 1e-12 * np.eye(3)
+    away = [PoseBelief(0, at(share * ALONG), exact) for share in (0.0, 0.5, 1.0, 3.0)]
+    held = [THIN.spread_at(belief) for belief in away]
+    density = multivariate_normal(np.zeros(3), COVARIANCE).pdf([0.0 * ALONG, 0.5 * ALONG])
+    assert held[:2] == pytest.approx(1.0 / density, rel=1e-6)
+    assert held[0] < held[1] < held[2] <= THIN.volume
+    assert held[3] == THIN.volume

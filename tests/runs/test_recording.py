@@ -360,6 +360,17 @@ def test_track_grows_by_the_second_and_breaks_where_nobody_knows(tmp_path):
     assert [len(strip[0]) for strip in strips if strip] == [2, 3, 2]
 
 
+def test_track_of_a_robot_that_was_lost_after_a_single_belief(tmp_path):
+    path = tmp_path / "run.rrd"
+    log = RerunLog(path)
+    log.begin(session_of(name="gap"), RunConfig())
+    for second in (0.0, 9.0, 9.5):
+        log.belief(belief_at(second))
+    log.close()
+    strips = rows(path, "/world/tracks/filtered", "LineStrips3D:strips")
+    assert [len(strip[0]) for strip in strips if strip] == [2]
+
+
 def test_recording_carries_its_arrangement(tmp_path):
     path = tmp_path / "run.rrd"
     write(path, [])
