@@ -111,6 +111,14 @@ class Hypotheses:
         elsewhere = self.elsewhere + place.weight
         return Hypotheses(places, elsewhere, self.looked_ns, self.way_m, self.way_rad, self.born)
 
+    def doubted(self, elsewhere: float) -> Hypotheses:
+        """Let elsewhere be that likely at least."""
+        if self.elsewhere >= elsewhere:
+            return self
+        scale = (1.0 - elsewhere) / (1.0 - self.elsewhere)
+        places = tuple(place.weighing(scale * place.weight) for place in self.places)
+        return Hypotheses(places, elsewhere, self.looked_ns, self.way_m, self.way_rad, self.born)
+
     def moved(self, step: OdometryStep, config: HypothesesConfig) -> Hypotheses:
         """Move every place along a step; what has become too vague to say anything goes elsewhere."""
         places, elsewhere = [], self.elsewhere

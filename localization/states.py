@@ -28,7 +28,7 @@ class Doubt(StrEnum):
 
     NO_PLACE: no place is trusted. NO_UPDATE: no look was fused for long. ELLIPSE: the covariance is large.
     CONTRADICTED: looks do not show what should be seen, or show other places. UNEXPLAINED: none of the last
-    looks was fused, though there was something to see.
+    looks was fused, though there was something to see. STRAINED: fixes lie farther from the pose than both promise.
     """
 
     NO_PLACE = "NO_PLACE"
@@ -36,6 +36,7 @@ class Doubt(StrEnum):
     ELLIPSE = "ELLIPSE"
     CONTRADICTED = "CONTRADICTED"
     UNEXPLAINED = "UNEXPLAINED"
+    STRAINED = "STRAINED"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +92,7 @@ def diagnose(mind: Mind, stamp_ns: int, config: StateConfig) -> Diagnosis:
         Doubt.ELLIPSE: radius_m > config.limit_m or radius_rad > config.limit_rad,
         Doubt.CONTRADICTED: place.weight < config.sure,
         Doubt.UNEXPLAINED: mind.unexplained >= config.unexplained,
+        Doubt.STRAINED: mind.strained,
     }
     doubts = tuple(doubt for doubt, shown in signs.items() if shown)
     published = State.UNCERTAIN if doubts else State.TRACKING

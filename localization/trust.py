@@ -8,8 +8,11 @@ from localization.ekf import innovation
 from localization.hypotheses import Hypotheses, HypothesesConfig, Hypothesis
 from localization.odometry import OdometryStep
 from localization.sightings import Sighting
-from localization.verdicts import ACCEPTED, Fused, Missed, Refusal, Rejected, Relocalized, Verdict
+from localization.verdicts import Fused, Missed, Refusal, Rejected, Relocalized, Verdict
 from maps.outcomes import PoseBelief
+
+#: One look strains no more than this, and more than so much in all is not remembered: some good fixes end it.
+_MOST_PULL, _MOST_STRAIN = 0.8, 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +30,10 @@ class TrustConfig:
     `patience`: a place is given up after so many looks on end that it did not explain, and one more for each that it
     did, up to `most_patience`. One that was told, and that nothing has shown, is soon given up; one that has been
     tracked lives on by odometry.
+    `usual_nis`, `bearable_nis`: squared innovations above the first add up (Page's cumulative sum, Biometrika 1954);
+    once they come to the second, fixes have been pulling at the belief for longer than chance would have them: it may
+    have slipped to where lines happen to fit. Then elsewhere is `strained` as likely at least. Beyond `outlier_nis`,
+    twice the gate, a fix is an outlier, which does not pull.
     """
 
     sure: float = 0.8
@@ -37,6 +44,10 @@ class TrustConfig:
     most_views: float = 6.0
     patience: float = 6.0
     most_patience: float = 60.0
+    usual_nis: float = 5.0
+    bearable_nis: float = 10.0
+    outlier_nis: float = 33.0
+    strained: float = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +56,7 @@ class Mind:
 
     `leader`: name of the leading hypothesis. `trusted`: whether it may be published. `misses`: looks on end
     that were not fused into it; `unexplained`: those among them with something to see, by how far they were apart.
+    `strain`: how much of what is bearable fixes have pulled at it.
     """
 
     hypotheses: Hypotheses
@@ -52,6 +64,7 @@ class Mind:
     trusted: bool
     misses: int = 0
     unexplained: float = 0.0
+    strain: float = 0.0
 
     @classmethod
     def at(cls, belief: PoseBelief, config: HypothesesConfig) -> Mind:
@@ -69,6 +82,11 @@ class Mind:
         return None if self.leader is None else self.hypotheses.named(self.leader)
 
     @property
+    def strained(self) -> bool:
+        """Whether fixes have pulled at the leading place for longer than chance would have them."""
+        return self.strain >= 1.0
+
+    @property
     def trusted_place(self) -> Hypothesis | None:
         """The hypothesis to publish; None while lost."""
         return self.leading if self.trusted else None
@@ -77,7 +95,7 @@ class Mind:
         """Follow one step."""
         hypotheses = self.hypotheses.moved(step, config)
         trusted = self.trusted and any(place.name == self.leader for place in hypotheses.places)
-        return Mind(hypotheses, self.leader, trusted, self.misses, self.unexplained)
+        return Mind(hypotheses, self.leader, trusted, self.misses, self.unexplained, self.strain)
 
     def seen(
         self, sighting: Sighting, gate: float, config: HypothesesConfig, trust: TrustConfig
@@ -94,13 +112,25 @@ class Mind:
             verdict = Fused(place.nis)
         else:
             verdict = self._unfused(sighting)
-        if isinstance(verdict, ACCEPTED):
+        if isinstance(verdict, Relocalized):
             return Mind(hypotheses, leader, trusted), verdict
+        strain = self._strained_by(verdict, trust)
+        if trusted and strain >= 1.0:
+            hypotheses = hypotheses.doubted(trust.strained)
+        if isinstance(verdict, Fused):
+            return Mind(hypotheses, leader, trusted, strain=strain), verdict
         apart = 0.0 if sighting.blind else self.hypotheses.independence(sighting.stamp_ns, config)
         unexplained = self.unexplained + apart
         if trusted and place and unexplained > min(trust.patience + place.views, trust.most_patience):
             hypotheses, leader, trusted = hypotheses.without(place), None, False
-        return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained), verdict
+        return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained, strain), verdict
+
+    def _strained_by(self, verdict: Verdict, trust: TrustConfig) -> float:
+        """Return the strain after a look."""
+        if not isinstance(verdict, Fused | Rejected) or verdict.nis > trust.outlier_nis:
+            return self.strain
+        pulled = (verdict.nis - trust.usual_nis) / trust.bearable_nis
+        return min(max(self.strain + min(pulled, _MOST_PULL), 0.0), _MOST_STRAIN)
 
     def _unfused(self, sighting: Sighting) -> Verdict:
         """Return why a look was not fused; one place is told how far off it was."""

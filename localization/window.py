@@ -34,7 +34,8 @@ class WindowConfig:
     the belief itself is in doubt, up to `largest_growth`.
     `doubt`: where the leading place is wrong with more probability than this, search everywhere too; two
     images that do not show what they should make it so. `unexplained`: so many looks on end that were not fused,
-    with something to see, do too: where nothing is expected, nothing can be missing. `least`: places of less
+    with something to see, do too: where nothing is expected, nothing can be missing. Fixes that strain the belief do as
+    well, and have it searched for within `aside_m` and `aside_rad`: slipped wheels lead no farther. `least`: places of less
     probability are not searched for, nor more than `most`.
     """
 
@@ -45,6 +46,8 @@ class WindowConfig:
     largest_growth: float = 5.0
     doubt: float = 0.1
     unexplained: float = 3.0
+    aside_m: float = 1.0
+    aside_rad: float = math.radians(20.0)
     least: float = 0.02
     most: int = 3
     shape: WindowShape = WindowShape.ELLIPSE
@@ -74,7 +77,9 @@ def search_windows(mind: Mind, config: WindowConfig) -> tuple[SearchWindow, ...]
     windows = [
         window_about(place.estimate.belief, misses, config) for place, misses in growths[: config.most]
     ]
-    doubtful = leading.weight < 1.0 - config.doubt or mind.unexplained >= config.unexplained
+    if mind.strained:
+        windows.append(SearchWindow(leading.estimate.pose, config.aside_m, config.aside_rad))
+    doubtful = leading.weight < 1.0 - config.doubt or mind.unexplained >= config.unexplained or mind.strained
     if not mind.trusted or doubtful:
         windows.append(SearchWindow.everywhere())
     return tuple(sorted(dict.fromkeys(windows), key=lambda window: (window.dt_m, window.dphi_rad)))

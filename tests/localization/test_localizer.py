@@ -250,6 +250,44 @@ def test_a_place_that_few_looks_have_shown_is_given_up_soon(shown):
     assert localizer.diagnosis.places == 0
 
 
+def test_fixes_that_keep_pulling_strain_the_belief_until_others_fit_better():
+    """Wheels have slipped, and near where they say the robot is the lines happen to fit."""
+    localizer = Localizer(KNOWN)
+    for second in range(20):
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(seen(second + 1.0, x=1.0 + 0.02 * (-1.0) ** second))
+    assert localizer.state is State.TRACKING
+    (narrow,) = localizer.windows_at(20 * SECOND_NS)
+    strained = []
+    for second in range(20, 24):
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(seen(second + 1.0, x=1.15 if second % 2 else 0.8))
+        strained.append(Doubt.STRAINED in localizer.diagnosis.doubts)
+    assert not strained[0]
+    assert strained[-1]
+    assert localizer.state is State.UNCERTAIN
+    about, aside, everywhere = localizer.windows_at(24 * SECOND_NS)
+    assert about.dt_m < 2.0 * narrow.dt_m
+    assert (aside.centre, aside.dt_m) == (about.centre, LocalizerConfig().window.aside_m)
+    assert everywhere == SearchWindow.everywhere()
+    # What was slipped to wins with the second look.
+    for second, verdict in ((24, Rejected), (25, Relocalized)):
+        localizer.predict(still(second, second + 1))
+        assert isinstance(localizer.fuse(seen(second + 1.0, x=1.6)), verdict)
+    assert localizer.state is State.TRACKING
+    assert localizer.belief.pose.x == pytest.approx(1.6, abs=0.05)
+
+
+def test_fixes_that_fit_again_end_the_strain():
+    localizer = Localizer(KNOWN)
+    for second in range(12):
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(seen(second + 1.0, x=(0.8, 1.15)[second % 2] if second < 4 else 1.0))
+        if second == 3:
+            assert localizer.state is State.UNCERTAIN
+    assert localizer.state is State.TRACKING
+
+
 def test_a_covered_camera_gives_no_place_up():
     localizer = Localizer(KNOWN)
     for second in range(30):
