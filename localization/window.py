@@ -34,9 +34,9 @@ class WindowConfig:
     the belief itself is in doubt, up to `largest_growth`.
     `doubt`: where the leading place is wrong with more probability than this, search everywhere too; two
     images that do not show what they should make it so. `unexplained`: so many looks on end that were not fused,
-    with something to see, do too: where nothing is expected, nothing can be missing. Fixes that strain the belief do as
-    well, and have it searched for within `aside_m` and `aside_rad`: slipped wheels lead no farther. `least`: places of less
-    probability are not searched for, nor more than `most`.
+    with something to see, do too: where nothing is expected, nothing can be missing. Fixes that strain the belief do
+    as well, and have it searched for within `aside_m` and `aside_rad`: slipped wheels lead no farther. `least`:
+    places of less probability are not searched for, nor more than `most`.
     """
 
     probability: float = 0.999
