@@ -127,9 +127,10 @@ class Mind:
 
     def _strained_by(self, verdict: Verdict, trust: TrustConfig) -> float:
         """Return the strain after a look."""
-        if not isinstance(verdict, Fused | Rejected) or verdict.nis > trust.outlier_nis:
+        nis = verdict.nis if isinstance(verdict, Fused | Rejected) else None
+        if nis is None or nis > trust.outlier_nis:
             return self.strain
-        pulled = (verdict.nis - trust.usual_nis) / trust.bearable_nis
+        pulled = (nis - trust.usual_nis) / trust.bearable_nis
         return min(max(self.strain + min(pulled, _MOST_PULL), 0.0), _MOST_STRAIN)
 
     def _unfused(self, sighting: Sighting) -> Verdict:
