@@ -26,7 +26,7 @@ class TrustConfig:
     less likely than this.
     `share`: nor one found while lost by fewer looks, up to `most_views`, than this share of those that have found
     something else or nothing since. Where most find nothing the map may be another building's, and what fits some
-    of them does so by chance.
+    of them does so by chance: until a place has been shown by `proven` looks it is `unproven_share` of the others.
     `patience`: a place is given up after so many looks on end that it did not explain, and one more for each that it
     did, up to `most_patience`. One that was told, and that nothing has shown, is soon given up; one that has been
     tracked lives on by odometry.
@@ -41,6 +41,8 @@ class TrustConfig:
     switch: float = 2.0
     lost: float = 0.2
     share: float = 0.3
+    unproven_share: float = 1.5
+    proven: float = 8.0
     most_views: float = 6.0
     patience: float = 6.0
     most_patience: float = 60.0
@@ -56,7 +58,8 @@ class Mind:
 
     `leader`: name of the leading hypothesis. `trusted`: whether it may be published. `misses`: looks on end
     that were not fused into it; `unexplained`: those among them with something to see, by how far they were apart.
-    `strain`: how much of what is bearable fixes have pulled at it.
+    `strain`: how much of what is bearable fixes have pulled at it. `proven`: whether looks have shown that this is
+    the map's building.
     """
 
     hypotheses: Hypotheses
@@ -65,6 +68,7 @@ class Mind:
     misses: int = 0
     unexplained: float = 0.0
     strain: float = 0.0
+    proven: bool = False
 
     @classmethod
     def at(cls, belief: PoseBelief, config: HypothesesConfig) -> Mind:
@@ -95,7 +99,7 @@ class Mind:
         """Follow one step."""
         hypotheses = self.hypotheses.moved(step, config)
         trusted = self.trusted and any(place.name == self.leader for place in hypotheses.places)
-        return Mind(hypotheses, self.leader, trusted, self.misses, self.unexplained, self.strain)
+        return Mind(hypotheses, self.leader, trusted, self.misses, self.unexplained, self.strain, self.proven)
 
     def seen(
         self, sighting: Sighting, gate: float, config: HypothesesConfig, trust: TrustConfig
@@ -113,17 +117,18 @@ class Mind:
         else:
             verdict = self._unfused(sighting)
         if isinstance(verdict, Relocalized):
-            return Mind(hypotheses, leader, trusted), verdict
+            return Mind(hypotheses, leader, trusted, proven=self.proven), verdict
         strain = self._strained_by(verdict, trust)
         if trusted and strain >= 1.0:
             hypotheses = hypotheses.doubted(trust.strained)
-        if isinstance(verdict, Fused):
-            return Mind(hypotheses, leader, trusted, strain=strain), verdict
+        if isinstance(verdict, Fused) and place:
+            proven = self.proven or place.views >= trust.proven
+            return Mind(hypotheses, leader, trusted, strain=strain, proven=proven), verdict
         apart = 0.0 if sighting.blind else self.hypotheses.independence(sighting.stamp_ns, config)
         unexplained = self.unexplained + apart
         if trusted and place and unexplained > min(trust.patience + place.views, trust.most_patience):
             hypotheses, leader, trusted = hypotheses.without(place), None, False
-        return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained, strain), verdict
+        return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained, strain, self.proven), verdict
 
     def _strained_by(self, verdict: Verdict, trust: TrustConfig) -> float:
         """Return the strain after a look."""
@@ -146,7 +151,8 @@ class Mind:
             return None, False
         best, old = hypotheses.places[0], hypotheses.named(self.leader)
         others = self.unexplained + 1.0 - best.views
-        views = min(max(trust.views, trust.share * others), trust.most_views)
+        share = trust.share if self.proven else trust.unproven_share
+        views = min(max(trust.views, share * others), trust.most_views)
         if self.trusted and old is not None:
             rival = next((place for place in hypotheses.places if place.views >= views), old)
             if old.weight >= max(trust.lost, rival.weight / trust.switch):
