@@ -17,6 +17,7 @@ from localization.localizer import LocalizerConfig
 from localization.odometry import OdometryNoise
 from localization.smoother import SmootherConfig
 from maps.documents import checked, read_yaml
+from runs.parts import PartsConfig
 from runs.secondpass import SecondPassConfig
 from vision.matcher import MatcherConfig
 
@@ -38,6 +39,7 @@ class RunConfig:
     matcher: MatcherConfig = field(default_factory=MatcherConfig)
     smoother: SmootherConfig = field(default_factory=SmootherConfig)
     second_pass: SecondPassConfig = field(default_factory=SecondPassConfig)
+    parts: PartsConfig = field(default_factory=PartsConfig)
     fixed_lag: FixedLagConfig = field(default_factory=FixedLagConfig)
     match_rate_hz: Annotated[float, Gt(0.0)] | None = None
     #: Of whatever draws random numbers; the same seed gives the same run.

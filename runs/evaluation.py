@@ -14,8 +14,9 @@ from scipy.stats import chi2
 
 from localization.states import State
 from maps.outcomes import Fix
+from runs.diary import StateSpan
 from runs.runlog import StepRecord, Trajectory
-from runs.runner import RunResult, StateSpan
+from runs.runner import RunResult
 from runs.session import Session
 from runs.tables import read_table
 from runs.tracks import Errors, Flags, errors_of, spread
@@ -74,7 +75,7 @@ def _judged(errors: Errors) -> dict[str, Any]:
 
 
 def _vision(session: Session, result: RunResult, truth: Trajectory | None) -> dict[str, Any]:
-    records = result.records
+    records = tuple(result.records)
     outcomes = Counter(record.outcome for record in records)
     fixes = [
         (record, outcome.belief)
@@ -155,7 +156,7 @@ def tracking_wrong_s(
 
 
 def _timing(result: RunResult) -> dict[str, Any]:
-    records: tuple[StepRecord, ...] = result.records
+    records: Sequence[StepRecord] = tuple(result.records)
     looks = [
         (r.extract_ms, r.match_ms) for r in records if r.extract_ms is not None and r.match_ms is not None
     ]
@@ -169,7 +170,7 @@ def _timing(result: RunResult) -> dict[str, Any]:
 
 
 def _typical(values: Iterable[float]) -> dict[str, float | None]:
-    found = spread(np.array(list(values)))
+    found = spread(np.fromiter(values, np.float64))
     return {"median": found.median, "p95": found.p95}
 
 

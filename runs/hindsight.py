@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from operator import attrgetter
 
 import numpy as np
 
@@ -13,6 +16,7 @@ from localization.odometry import OdometryStep
 from localization.smoother import SmootherConfig, smooth
 from maps.outcomes import PoseBelief
 from runs.config import RunConfig
+from runs.parts import Part, parts_of
 from runs.secondpass import Look, SecondPass, second_pass
 from runs.session import Frame
 
@@ -20,6 +24,26 @@ from runs.session import Frame
 _GATE = 0.999
 #: Variances of a start that nobody knows [m^2, m^2, rad^2].
 _ANYWHERE = np.diag([1e4, 1e4, 10.0])
+
+
+def smoothed_in_parts(
+    account: Account,
+    missed: Sequence[Frame],
+    look: Look | None,
+    config: RunConfig,
+    progress: Callable[[int, int], None],
+) -> Iterator[tuple[list[PoseBelief], SecondPass]]:
+    """Smooth a drive of any length, and yield what each part tells, in order of time.
+
+    A drive that is cut tells its progress by parts.
+    """
+    parts = parts_of(account.start.stamp_ns, account.end_ns, config.parts)
+    for done, part in enumerate(parts, start=1):
+        frames = [frame for frame in missed if part.tells_of(frame.stamp_ns)]
+        beliefs, again = smoothed_twice(account.of(part), frames, look, config)
+        yield [belief for belief in beliefs if part.tells_of(belief.stamp_ns)], again
+        if len(parts) > 1:
+            progress(done, len(parts))
 
 
 def smoothed_twice(
@@ -80,11 +104,43 @@ class Account:
     """
 
     start: PoseBelief
-    steps: tuple[OdometryStep, ...]
-    fixes: tuple[PoseBelief, ...]
-    published: tuple[PoseBelief, ...]
-    fused_ns: tuple[int, ...] = ()
-    relocalized: tuple[PoseBelief, ...] = ()
+    steps: Sequence[OdometryStep]
+    fixes: Sequence[PoseBelief]
+    published: Sequence[PoseBelief]
+    fused_ns: Sequence[int] = ()
+    relocalized: Sequence[PoseBelief] = ()
+
+    @property
+    def end_ns(self) -> int:
+        """The last step's end."""
+        return self.steps[-1].stamp_ns if len(self.steps) else self.start.stamp_ns
+
+    def of(self, part: Part) -> Account:
+        """Return what a part is worked out from.
+
+        It starts at what the filter believed there, which knows all fixes before.
+        """
+        start, published = self.start, 0
+        if part.from_ns is not None:
+            published = bisect_right(self.published, part.from_ns, key=attrgetter("stamp_ns"))
+            start = self.published[published - 1] if published else self.start
+        inner = start is not self.start
+        until_ns = math.inf if part.until_ns is None else part.until_ns
+
+        def inside(stamp_ns: int) -> bool:
+            return (stamp_ns > start.stamp_ns or not inner) and stamp_ns < until_ns
+
+        first = bisect_left(self.steps, start.stamp_ns, key=attrgetter("start_ns"))
+        last = bisect_left(self.steps, until_ns, key=attrgetter("start_ns"))
+        told = bisect_left(self.published, until_ns, key=attrgetter("stamp_ns"))
+        return Account(
+            start,
+            tuple(self.steps[first:last]),
+            tuple(fix for fix in self.fixes if inside(fix.stamp_ns)),
+            tuple(self.published[published:told]),
+            tuple(filter(inside, self.fused_ns)),
+            tuple(belief for belief in self.relocalized if inside(belief.stamp_ns)),
+        )
 
     def stretches(self) -> list[Stretch]:
         """Cut the drive where the robot was carried off, or its wheels let it down."""

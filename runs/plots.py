@@ -5,10 +5,11 @@ All ink is one colour, so that a page can give an inline SVG the colour of its o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from io import BytesIO, StringIO
 from itertools import cycle
-from typing import Any
+from typing import Any, TypeVar
 
 import matplotlib
 import numpy as np
@@ -34,6 +35,12 @@ SCALES = {POSITION: (1e-3, 1e1), HEADING: (1e-2, 1e2)}
 
 #: A line of more points than this would be a band: errors swing through zero all the time.
 SPANS = 300
+
+#: More ellipses than this would hide each other, more points would make a page too large to open: of a long drive
+#: some are shown.
+ELLIPSES, POINTS = 1000, 50_000
+
+Rows = TypeVar("Rows", Sequence[Step], Array)
 
 INK = "#1f2328"
 STYLE: Any = {
@@ -187,23 +194,31 @@ def _draw_plan(axes: Axes, run: RunFolder) -> None:
         axes.set_xlim(x0 - 0.3, x1 + 0.3)
         axes.set_ylim(y0 - 0.3, y1 + 0.3)
     if run.truth is not None:
-        axes.plot(*run.truth.poses[:, :2].T, color=TRUTH, linewidth=3.0, alpha=0.6, label="truth")
+        axes.plot(
+            *_some(run.truth.poses, POINTS)[:, :2].T, color=TRUTH, linewidth=3.0, alpha=0.6, label="truth"
+        )
     for name in ("odometry", "filtered", "smoothed"):
         colour, label = TRACKS[name]
-        axes.plot(*run.tracks[name].poses[:, :2].T, color=colour, linewidth=1.2, label=label)
+        poses = _some(run.tracks[name].poses, POINTS)
+        axes.plot(*poses[:, :2].T, color=colour, linewidth=1.2, label=label)
     looks = [step for step in run.steps if step["fix_x_m"]]
     for label, colour, taken in (("fix, accepted", VISION, True), ("fix, rejected", REJECTED, False)):
         steps = [step for step in looks if (step["verdict"] in ACCEPTED) == taken]
         centres = np.array([_centre(step) for step in steps]).reshape(-1, 2)
-        ellipses = [ellipse(_centre(step), fix_covariance(step)) for step in steps]
+        ellipses = [ellipse(_centre(step), fix_covariance(step)) for step in _some(steps, ELLIPSES)]
         axes.add_collection(LineCollection(ellipses, colors=colour, linewidths=0.5, alpha=0.5, zorder=1))
         marker = "." if taken else "x"
         axes.plot(*centres.T, marker, color=colour, markersize=4.0, label=label, zorder=1.5)
-    beliefs = [ellipse(*belief) for belief in map(_belief, run.steps) if belief is not None]
+    beliefs = [ellipse(*belief) for belief in map(_belief, _some(run.steps, ELLIPSES)) if belief is not None]
     axes.add_collection(LineCollection(beliefs, colors=TRACKS["filtered"][0], linewidths=0.6, zorder=2.5))
     axes.set_aspect("equal")
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
+
+
+def _some(rows: Rows, most: int) -> Rows:
+    """Return all rows, or evenly some of too many."""
+    return rows[:: max(math.ceil(len(rows) / most), 1)]
 
 
 def _belief(step: Step) -> tuple[Array, Array] | None:

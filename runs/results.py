@@ -134,13 +134,11 @@ def seconds(stamp_ns: int) -> str:
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
     """Write `timestamp tx ty tz qx qy qz qw` rows; a heading that is not known is the identity."""
-    lines = []
-    for stamp_ns, (x, y, phi) in zip(trajectory.stamps_ns, headings_known(trajectory), strict=True):
-        half = 0.0 if np.isnan(phi) else phi / 2.0
-        lines.append(
-            f"{seconds(int(stamp_ns))} {x:.9f} {y:.9f} 0 0 0 {np.sin(half):.12f} {np.cos(half):.12f}\n"
-        )
-    path.write_text("".join(lines), encoding="utf-8")
+    with path.open("w", encoding="utf-8") as file:
+        for stamp_ns, (x, y, phi) in zip(trajectory.stamps_ns, headings_known(trajectory), strict=True):
+            half = 0.0 if np.isnan(phi) else phi / 2.0
+            turned = f"{np.sin(half):.12f} {np.cos(half):.12f}"
+            file.write(f"{seconds(int(stamp_ns))} {x:.9f} {y:.9f} 0 0 0 {turned}\n")
 
 
 def write_metrics(path: Path, metrics: dict[str, Any]) -> None:

@@ -44,6 +44,10 @@ class SecondPass:
     tried: int = 0
     fixes: tuple[Fix, ...] = ()
 
+    def and_then(self, later: SecondPass) -> SecondPass:
+        """Return what this one and a later one brought."""
+        return SecondPass(self.tried + later.tried, self.fixes + later.fixes)
+
 
 def second_pass(
     frames: Sequence[Frame],
@@ -66,7 +70,7 @@ def second_pass(
         if isinstance(outcome, Fix) and _fits(expected, outcome, config):
             belief = outcome.belief
             doubted = PoseBelief(belief.stamp_ns, belief.pose, config.doubt * belief.covariance)
-            found.append(Fix(doubted, outcome.look))
+            found.append(Fix(doubted))
     return SecondPass(tried, tuple(found))
 
 

@@ -93,19 +93,18 @@ class Odometry:
 
         Steps come in order: one that is ready waits for those before it.
         """
-        arrivals = np.maximum.accumulate(self.arrivals_ns).tolist()
-        stamps, values = self.stamps_ns.tolist(), self.values.tolist()
-        for row in range(1, len(stamps)):
-            start_ns, stamp_ns = stamps[row - 1], stamps[row]
+        arrivals_ns = np.maximum.accumulate(self.arrivals_ns)
+        for row in range(1, len(arrivals_ns)):
+            # Two rows at a time: as lists, hours of them would take ten times the memory of the arrays.
+            start_ns, stamp_ns = self.stamps_ns[row - 1 : row + 1].tolist()
+            before, now = self.values[row - 1 : row + 1].tolist()
             if self.wheels is None:
-                forward_mps, turn_radps = values[row - 1]
+                forward_mps, turn_radps = before
                 step = twist_step(start_ns, stamp_ns, forward_mps, turn_radps, noise)
             else:
-                left_rad, right_rad = (
-                    now - before for now, before in zip(values[row], values[row - 1], strict=True)
-                )
+                left_rad, right_rad = now[0] - before[0], now[1] - before[1]
                 step = wheel_step(start_ns, stamp_ns, left_rad, right_rad, self.wheels, noise)
-            yield arrivals[row], step
+            yield int(arrivals_ns[row]), step
 
 
 Event = OdometryStep | Frame | RecordedFix

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
+from localization.ekf import quantile
 from maps.errors import InputError
-from maps.outcomes import Ambiguous, Fix, NoFix, Outcome
+from maps.outcomes import Ambiguous, Fix, NoFix
 from runs.evaluation import wrong_fixes
 from runs.runlog import StepRecord, Trajectory
 from runs.runner import RunResult
@@ -57,18 +57,21 @@ def worst_frames(session: Session, result: RunResult, truth: Trajectory | None) 
     without a fix, by how much there was to see, and fixes that are far off, in their own measure.
     """
     frames = {frame.filename: frame for frame in session.frames}
+    if not frames:
+        return []
     judged = [
-        (*badness, record, outcome)
-        for record, outcome, badness in _judged(result, truth)
+        (*badness, number)
+        for number, (record, badness) in enumerate(_judged(result, truth))
         if record.filename in frames
     ]
     judged.sort(key=lambda frame: frame[:2], reverse=True)
     found: list[WorstFrame] = []
-    for _, _, wrong, record, outcome in judged:
+    for _, _, wrong, number in judged:
         if len(found) == WORST:
             break
+        record = result.records[number]
         try:
-            jpeg = matched_jpeg(frames[record.filename].image(), outcome.look)
+            jpeg = matched_jpeg(frames[record.filename].image(), result.outcomes[number].look)
         except InputError:
             continue
         found.append(WorstFrame(record.stamp_ns, record.filename, wrong, jpeg))
@@ -77,7 +80,7 @@ def worst_frames(session: Session, result: RunResult, truth: Trajectory | None) 
 
 def _judged(
     result: RunResult, truth: Trajectory | None
-) -> Iterator[tuple[StepRecord, Outcome, tuple[int, float, str]]]:
+) -> Iterator[tuple[StepRecord, tuple[int, float, str]]]:
     """Yield every look with how bad it is: its class, its place in the class, and why."""
     fixes = [outcome.belief for outcome in result.outcomes if isinstance(outcome, Fix)]
     errors = errors_of(Trajectory.of_beliefs(fixes), truth)
@@ -87,31 +90,27 @@ def _judged(
     numbers = iter(range(len(fixes)))
     for record, outcome in zip(result.records, result.outcomes, strict=True):
         if not isinstance(outcome, Fix):
-            yield record, outcome, _without(record, outcome)
+            yield record, _without(record, outcome)
             continue
         number = next(numbers)
         off_m, off_deg = float(errors.position_m[number]), float(np.degrees(errors.heading_rad[number]))
         off = f"{off_m:.2f} m and {off_deg:.1f}° off"
         # Told apart by their own covariance, so that a fix of a corridor is not blamed for what it leaves open.
-        out = squared[number] > chi2.ppf(FAR_OUT, max(dimensions[number], 1))
+        out = squared[number] > quantile(FAR_OUT, max(int(dimensions[number]), 1))
         if wrong[number]:
             fused = "wrong, and fused" if record.accepted else "wrong, and refused"
-            yield record, outcome, (5 if record.accepted else 4, off_m, f"{fused}: {off}")
+            yield record, (5 if record.accepted else 4, off_m, f"{fused}: {off}")
         elif not record.accepted:
             reason = f"{record.reason}, {BEHIND.get(record.reason, 'not fused')}"
             nis = 0.0 if record.nis is None else record.nis
             right = f"; it was {off}" if np.isfinite(off_m) else ""
-            yield record, outcome, (3, nis, f"not used: {reason} (NIS {nis:.1f}){right}")
+            yield record, (3, nis, f"not used: {reason} (NIS {nis:.1f}){right}")
         elif out:
-            yield (
-                record,
-                outcome,
-                (1, float(squared[number]), f"fused, and {off}: more than its covariance says"),
-            )
+            yield record, (1, float(squared[number]), f"fused, and {off}: more than its covariance says")
         else:
             size = float(np.nan_to_num(squared[number])) if truth else record.nis or 0.0
             told = off if np.isfinite(off_m) else f"NIS {size:.1f}"
-            yield record, outcome, (0, size, f"fused: {told}")
+            yield record, (0, size, f"fused: {told}")
 
 
 def _without(record: StepRecord, outcome: Ambiguous | NoFix) -> tuple[int, float, str]:

@@ -31,6 +31,7 @@ from runs.bags.writing import BASE_FRAME, Message, mount_fields
 from runs.config import RunConfig
 from runs.runlog import StepRecord, Trajectories, Trajectory
 from runs.session import Frame, Session
+from runs.spool import Shelf
 
 MAP_FRAME, ODOM_FRAME = "map", "odom"
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -56,7 +57,7 @@ class McapLog:
         require_rosbags()
         self._path = path
         self._session: Session | None = None
-        self._records: list[StepRecord] = []
+        self._records: Shelf[StepRecord] = Shelf()
 
     def begin(self, session: Session, config: RunConfig) -> None:  # noqa: ARG002 - it is in config.yaml
         """Refuse what an MCAP file cannot hold: InputError."""

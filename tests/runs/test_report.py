@@ -1,6 +1,7 @@
 """The report: one page that needs nothing else, and hides nothing."""
 
 import csv
+import dataclasses
 import json
 import re
 import shutil
@@ -20,6 +21,7 @@ from runs.navigation import Watching, navigate
 from runs.page import number, page, table
 from runs.plots import cumulative, errors_over_time, plan, svg
 from runs.report import write_report
+from runs.runlog import Trajectory
 from runs.session import read_session
 from runs.worst import WORST
 
@@ -113,6 +115,24 @@ def test_figures_are_svg_in_the_colour_of_the_text(run):
 def test_figures_are_the_same_every_time(run):
     folder = read_run(run)
     assert svg(plan([folder])) == svg(plan([folder]))
+
+
+def test_the_plan_of_a_long_drive_is_no_larger_than_that_of_a_short_one(run, monkeypatch):
+    monkeypatch.setattr("runs.plots.ELLIPSES", 100)
+    monkeypatch.setattr("runs.plots.POINTS", 200)
+    folder, sizes = read_run(run), []
+    for times in (25, 100):
+        tracks = {name: _longer(track, times) for name, track in folder.tracks.items()}
+        drive = dataclasses.replace(folder, tracks=tracks, truth=None, steps=folder.steps * times)
+        sizes.append(len(re.sub(r"<use[^>]*>", "", svg(plan([drive])))))
+    assert sizes[1] < 1.2 * sizes[0], "but for the fixes, a point each"
+
+
+def _longer(track, times):
+    """Return a track so many times as long, a little aside each time: no line lies on another."""
+    poses = np.vstack([track.poses + [0.01 * lap, 0.0, 0.0] for lap in range(times)])
+    stamps_ns = np.concatenate([track.stamps_ns + lap * 10**10 for lap in range(times)])
+    return Trajectory(stamps_ns, poses)
 
 
 def test_page_and_table_escape():

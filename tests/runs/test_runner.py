@@ -140,6 +140,18 @@ def test_gross_outlier_is_rejected_and_told(toy):
     assert records[3].nis > 100.0
 
 
+def test_a_counter_that_jumps_moves_no_track_and_is_told(toy, caplog):
+    session = read_session(toy)
+    straight = run(session)
+    values = session.odometry.values.copy()
+    values[len(values) // 2 :, 0] += 500.0
+    jumped = run(dataclasses.replace(session, odometry=dataclasses.replace(session.odometry, values=values)))
+    for name in ("odometry", "filtered", "smoothed"):
+        away = getattr(jumped.trajectories, name).poses - getattr(straight.trajectories, name).poses
+        assert np.abs(away).max() < 0.1
+    assert caplog.messages == ["odometry rows that no wheels can have rolled, and not believed: 1"]
+
+
 def test_frames_are_searched_in_the_window_of_their_time(two_frames):
     diary = Diary()
     result = run(two_frames, diary)
