@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from runs.options import OtherMapOption
 from runs.progress import progress_bar
 
 _SAMPLE = Path(__file__).parent / "samples" / "building_a"
@@ -48,13 +49,25 @@ def simulate(
     clutter: Annotated[
         float, typer.Option(min=0.0, max=5.0, help="What the map lacks: furniture, people, posters.")
     ] = 1.0,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KIND", help="What goes wrong, as in `session corrupt`; may be repeated."),
+    ] = None,
+    at: Annotated[
+        float | None, typer.Option(metavar="S", min=0.0, help="When a fault begins, from the first event on.")
+    ] = None,
+    for_: Annotated[
+        float | None, typer.Option("--for", metavar="S", min=0.02, help="How long it holds.")
+    ] = None,
+    other_map: OtherMapOption = None,
 ) -> None:
     """Simulate a drive through a building: a session folder with odometry, images or fixes, and the truth."""
+    from runs.faults.simulating import Troubles, simulate_faulty
     from runs.simulation.clutter import scaled
     from runs.simulation.fixes import FixErrors
     from runs.simulation.offsets import CALIBRATED, UNCALIBRATED, Offsets
+    from runs.simulation.rehearsal import Recipe
     from runs.simulation.scene import Conditions
-    from runs.simulation.sessionfolder import Recipe, simulate_folder
     from runs.simulation.wheels import TwistErrors, WheelErrors
 
     offsets = {
@@ -74,5 +87,7 @@ def simulate(
         fixes=FixErrors(outlier_share=outliers) if fixes else None,
     )
     with progress_bar(out.name) as progress:
-        simulate_folder(out, map_ or _SAMPLE / "map.yaml", robot or _SAMPLE / "robot.yaml", recipe, progress)
+        troubles = Troubles(tuple(fault or ()), at, for_, other_map)
+        building, driven = map_ or _SAMPLE / "map.yaml", robot or _SAMPLE / "robot.yaml"
+        simulate_faulty(out, building, driven, recipe, troubles, progress)
     typer.echo(str(out))

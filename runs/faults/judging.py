@@ -3,30 +3,46 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from localization.states import State
-from runs.evaluation import OBSERVABLE_EDGES, WRONG_POSE_M, WRONG_POSE_RAD, tracking_wrong_s
+from maps.poses import Array, Pose2
+from runs.diary import StateSpan
+from runs.evaluation import (
+    OBSERVABLE_EDGES,
+    WRONG_FIX_M,
+    WRONG_FIX_RAD,
+    WRONG_POSE_M,
+    WRONG_POSE_RAD,
+)
 from runs.faults.recording import Recording, Span
 from runs.runlog import StepRecord, Trajectory
 from runs.runner import RunResult
+from runs.session import Session
+from runs.simulation.observable import observed
 from runs.tables import read_table
 from runs.tracks import errors_of, interpolate
+from vision.images import GreyImage
+from vision.projection import Projector
 
-#: From this observable frame on, nothing excuses a wrong pose that is called right.
+#: So many observable frames may pass after a pose has become wrong; then nothing excuses that it is called right.
 SETTLED = 3
+#: A robot is back where its pose would pass for a right fix. At half a metre it may still have all of a slip in it.
+BACK = WRONG_FIX_M, WRONG_FIX_RAD
 
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
     """What a fault did.
 
-    `wrong_s`: longest time on end in TRACKING with the pose wrong, after the third observable frame.
-    `wrong_looks`: most good frames on end after each of which the state is TRACKING and the pose wrong.
-    `recovered_after`: good frames from the fault's end on until a pose is right and said to be, None where that
-    never came or there was no end. `lost_after`: frames until the first LOST, None for never.
+    `wrong_s`: longest time on end in TRACKING while the pose is wrong, and has been so for three observable frames.
+    `wrong_looks`: most observable frames on end after each of which the state is TRACKING and the pose wrong.
+    `recovered_after`: observable frames from the fault's end on until the state is TRACKING and the pose no farther
+    off than a right fix may be, and still so near after the next frame; None where that never came or there was no
+    end. `lost_after`: frames until the first LOST, None for never.
     """
 
     wrong_s: float | None
@@ -35,20 +51,60 @@ class Judgement:
     lost_after: int | None
 
 
-def judged(original: Recording, span: Span, result: RunResult, truth: Trajectory | None) -> Judgement:
-    """Judge a run of a session that a fault was done to; `original` tells which frames show enough.
+def judged(
+    faulty: Recording, span: Span, result: RunResult, truth: Trajectory | None, obscured: bool = False
+) -> Judgement:
+    """Judge the run of a recording that a fault was done to.
 
-    Frames count where they are observable, or all where nobody says.
+    Frames count where they are observable as the session's observable.csv says, all where there is none.
+    `obscured`: less can be seen in the pictures that the fault has changed, and edges are counted there anew.
     """
     lost = [at for at, record in enumerate(result.records, start=1) if record.state == State.LOST.value]
     if truth is None:
         return Judgement(None, None, None, lost[0] if lost else None)
-    good = _good_stamps(original)
-    track = result.trajectories.filtered
-    since = sorted(good)[SETTLED - 1] if len(good) >= SETTLED else None
-    wrong = tracking_wrong_s(result.spans, track, errors_of(track, truth), since)
-    recovered = None if span.end_ns >= original.span.end_ns else _recovered(result, span, good, truth)
-    return Judgement(wrong, _wrong_looks(result, good, truth), recovered, lost[0] if lost else None)
+    good = _good_stamps(faulty)
+    if obscured:
+        good -= _obscured_stamps(faulty, truth)
+    looks = sorted(record.arrival_ns for record in result.records if record.stamp_ns in good)
+    filtered = result.trajectories.filtered
+    wrong_s = wrong_unawares_s(result.spans, _wrong_stamps(filtered, truth), looks)
+    recovered = None if span.end_ns >= faulty.span.end_ns else _recovered(result, span, good, truth)
+    return Judgement(wrong_s, _wrong_looks(result, good, truth), recovered, lost[0] if lost else None)
+
+
+def judged_undisturbed(session: Session, result: RunResult, truth: Trajectory | None) -> Judgement:
+    """Judge the run of a session that nothing was done to."""
+    untouched = Recording(session, (None,) * len(session.frames), None)
+    end_ns = untouched.span.end_ns
+    return judged(untouched, Span(end_ns, end_ns), result, truth)
+
+
+def wrong_unawares_s(spans: Iterable[StateSpan], wrong_ns: set[int], looks_ns: Sequence[int]) -> float:
+    """Return the longest time on end in TRACKING with a pose that has been wrong for three observable frames.
+
+    `wrong_ns`: stamps at which the published pose is wrong, whatever the state. `looks_ns`: when observable frames
+    arrived, in order. No robot knows of a fault before its next image, and one image may be mistaken; a robot that
+    has had three since its pose went wrong has none of these excuses. What a third image brings is published with
+    the first step that ends after it.
+    """
+    longest = lasting = 0
+    since_ns: int | None = None
+    for span in spans:
+        if span.stamp_ns not in wrong_ns:
+            since_ns, lasting = None, 0
+            continue
+        since_ns = span.stamp_ns if since_ns is None else since_ns
+        seen = np.searchsorted(looks_ns, [since_ns, span.stamp_ns])
+        unawares = span.state is State.TRACKING and seen[1] - seen[0] >= SETTLED
+        lasting = lasting + span.stamp_ns - span.start_ns if unawares else 0
+        longest = max(longest, lasting)
+    return longest / 1e9
+
+
+def _wrong_stamps(track: Trajectory, truth: Trajectory) -> set[int]:
+    errors = errors_of(track, truth)
+    far = (errors.position_m > WRONG_POSE_M) | (errors.heading_rad > WRONG_POSE_RAD)
+    return set(track.stamps_ns[far].tolist())
 
 
 def _wrong_looks(result: RunResult, good: set[int], truth: Trajectory) -> int:
@@ -57,7 +113,7 @@ def _wrong_looks(result: RunResult, good: set[int], truth: Trajectory) -> int:
         if record.x_m is None:
             # Older than the filter remembers, or ahead of odometry: nothing was said of that moment.
             continue
-        if record.state != State.TRACKING.value or _right(record, truth):
+        if record.state != State.TRACKING.value or _near(record, truth, WRONG_POSE_M, WRONG_POSE_RAD):
             lasting = 0
         elif record.stamp_ns in good:
             lasting += 1
@@ -69,27 +125,27 @@ def _recovered(result: RunResult, span: Span, good: set[int], truth: Trajectory)
     after = [
         record for record in result.records if record.stamp_ns >= span.end_ns and record.stamp_ns in good
     ]
-    return next((at for at, record in enumerate(after, start=1) if _right(record, truth)), None)
+    for at, record in enumerate(after, start=1):
+        # A pose that the next frame finds wrong again was not right, it only came by.
+        stays = at == len(after) or after[at].x_m is None or _near(after[at], truth, *BACK)
+        if record.state == State.TRACKING.value and _near(record, truth, *BACK) and stays:
+            return at
+    return None
 
 
-def _right(record: StepRecord, truth: Trajectory) -> bool:
-    """Tell whether the belief after a frame is TRACKING and within what counts as right."""
-    if (
-        record.state != State.TRACKING.value
-        or record.x_m is None
-        or record.y_m is None
-        or record.phi_rad is None
-    ):
+def _near(record: StepRecord, truth: Trajectory, limit_m: float, limit_rad: float) -> bool:
+    """Tell whether the pose after a frame is within limits of the truth."""
+    if record.x_m is None or record.y_m is None or record.phi_rad is None:
         return False
     x, y, phi = interpolate(np.array([record.stamp_ns]), truth)[0]
     far = math.hypot(record.x_m - x, record.y_m - y)
     turned = abs(math.remainder(record.phi_rad - phi, math.tau))
-    return not (far > WRONG_POSE_M or turned > WRONG_POSE_RAD)
+    return not (far > limit_m or turned > limit_rad)
 
 
-def _good_stamps(original: Recording) -> set[int]:
-    """Return the stamps of the frames and fixes that a pose could come from, before the fault."""
-    session = original.session
+def _good_stamps(faulty: Recording) -> set[int]:
+    """Return the stamps, as the fault left them, of the frames and fixes that a pose could come from."""
+    session = faulty.session
     fixes = {fix.stamp_ns for fix in session.fixes}
     path = session.folder / "observable.csv"
     if not path.exists():
@@ -98,3 +154,22 @@ def _good_stamps(original: Recording) -> set[int]:
     seen = zip(table.texts("filename"), table.numbers("observable"), strict=True)
     names = {name for name, count in seen if count >= OBSERVABLE_EDGES}
     return fixes | {frame.stamp_ns for frame in session.frames if frame.filename in names}
+
+
+def _obscured_stamps(faulty: Recording, truth: Trajectory) -> set[int]:
+    """Return the stamps of changed pictures that show fewer edges than an observable frame does."""
+    session = faulty.session
+    if session.camera is None or session.wire_map is None:
+        return set()
+    projector, stamps = Projector(session.camera, session.wire_map), set()
+    changed = [(frame, edit) for frame, edit in zip(session.frames, faulty.edits, strict=True) if edit]
+    poses = interpolate(np.array([frame.stamp_ns for frame, _ in changed], np.int64), truth)
+    for (frame, edit), pose in zip(changed, poses, strict=True):
+        known = bool(np.isfinite(pose).all())
+        if not known or _edges(edit(frame.image()), projector, pose) < OBSERVABLE_EDGES:
+            stamps.add(frame.stamp_ns)
+    return stamps
+
+
+def _edges(image: GreyImage, projector: Projector, pose: Array) -> int:
+    return observed(image, projector, Pose2.from_array(pose)).observable

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from maps.poses import Array
 from runs.faults.recording import Edit, Recording, Span
+from runs.simulation.mishaps import band_exposure
 from vision.camera import Camera
 from vision.images import GreyImage
 
@@ -57,14 +58,13 @@ def occluder(recording: Recording, span: Span, rng: np.random.Generator) -> Reco
 
 def rolling_exposure(recording: Recording, span: Span, rng: np.random.Generator) -> Recording:
     """Let bands of too much and too little exposure roll over the pictures, as lamps that flicker do."""
-    phases = rng.uniform(0.0, math.tau) + 0.7 * np.arange(len(recording.session.frames))
+    phase_rad = band_phase(rng)
 
     def at(number: int) -> Edit:
         def edit(image: GreyImage) -> GreyImage:
-            rows = np.arange(image.shape[0]) / image.shape[0]
-            gain = 2.0 ** (0.5 * STOPS * np.sin(1.5 * math.tau * rows + phases[number]))
+            exposure = band_exposure(number, image.shape[0], phase_rad, STOPS)
             # Light adds up before the camera's gamma.
-            return _grey(255.0 * ((image / 255.0) ** 2.2 * gain[:, None]) ** (1.0 / 2.2))
+            return _grey(255.0 * ((image / 255.0) ** 2.2 * exposure[:, None]) ** (1.0 / 2.2))
 
         return edit
 
@@ -76,13 +76,24 @@ def bumped(recording: Recording, span: Span, rng: np.random.Generator) -> Record
     camera = recording.session.camera
     if camera is None:
         return recording
-    axis = rng.standard_normal(3)
-    places = _turned(camera, BUMP_RAD * axis / np.linalg.norm(axis))
+    places = _turned(camera, bump_turn(rng))
 
     def edit(image: GreyImage) -> GreyImage:
         return _grey(map_coordinates(image.astype(np.float64), places, order=1, mode="nearest"))
 
     return recording.with_edits(span, lambda _: edit)
+
+
+def band_phase(rng: np.random.Generator) -> float:
+    """Draw where the bands of exposure are in a session's first frame."""
+    return float(rng.uniform(0.0, math.tau))
+
+
+def bump_turn(rng: np.random.Generator) -> Array:
+    """Draw how a bump turns a camera: a rotation vector (3,) in its optical frame."""
+    axis = rng.standard_normal(3)
+    result: Array = BUMP_RAD * axis / np.linalg.norm(axis)
+    return result
 
 
 def _levels(mean: float, noise: float, rng: np.random.Generator) -> Callable[[int], Edit]:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps.mapdocument import MapDocument, read_document
-from runs.session import Frame, RecordedFix, Session, read_session
+from runs.opening import Reading, open_session
+from runs.session import Frame, RecordedFix, Session
 from runs.tables import Times
 from vision.images import GreyImage
 
@@ -69,8 +70,8 @@ class Recording:
         return replace(self, session=session, edits=tuple(edit for _, edit in frames))
 
 
-def read_recording(folder: Path, map_path: Path | None = None) -> Recording:
-    """Read a session folder; InputError names the file, and the line or key, of what cannot be."""
-    session = read_session(folder, map_path)
+def read_recording(path: Path, reading: Reading | None = None) -> Recording:
+    """Read a drive of any kind; InputError names the file, and the line, key or topic, of what cannot be."""
+    session = open_session(path, reading)
     document = read_document(session.map_path) if session.map_path is not None else None
     return Recording(session, (None,) * len(session.frames), document)

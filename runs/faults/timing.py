@@ -44,13 +44,18 @@ def doubled(recording: Recording, span: Span, rng: np.random.Generator) -> Recor
     for number in range(1, len(pairs)):
         frame, before = pairs[number][0], pairs[number - 1]
         if rng.random() < DOUBLED_SHARE and span.holds(frame.stamp_ns):
-            pairs[number] = replace(frame, filename=before[0].filename, path=before[0].path), before[1]
+            pairs[number] = _showing(frame, before[0]), before[1]
     fixes = list(session.fixes)
     for number in range(1, len(fixes)):
         if rng.random() < DOUBLED_SHARE and span.holds(fixes[number].stamp_ns):
             belief = replace(fixes[number - 1].fix.belief, stamp_ns=fixes[number].stamp_ns)
             fixes[number] = replace(fixes[number], fix=Fix(belief))
     return recording.with_looks(pairs, fixes)
+
+
+def _showing(frame: Frame, other: Frame) -> Frame:
+    """Return the frame with another one's picture."""
+    return replace(frame, filename=other.filename, path=other.path, picture=other.picture)
 
 
 def late(recording: Recording, span: Span, rng: np.random.Generator) -> Recording:

@@ -9,6 +9,7 @@ import numpy as np
 from maps.poses import Array, frozen
 from runs.faults.recording import Recording, Span
 from runs.session import Odometry
+from runs.simulation.wheels import BASELINE_M
 
 SLIP_M = 0.5
 #: What an encoder counts too much, at once.
@@ -49,19 +50,24 @@ def slip(recording: Recording, span: Span, rng: np.random.Generator) -> Recordin
 
 def blocked(recording: Recording, span: Span, rng: np.random.Generator) -> Recording:
     """Let one wheel drag over the floor without turning, while the robot drives on as it did."""
-    odometry, side = recording.session.odometry, int(rng.integers(2))
+    odometry, side = recording.session.odometry, blocked_side(rng)
     inside = span.holds(odometry.stamps_ns)
-    if odometry.wheels is None:
-        # One wheel of two: half of the forward speed is not seen. How much turn is missing hangs on the baseline.
-        values = odometry.values.copy()
-        values[inside, 0] *= 0.5
-        values[inside, 1] += (1.0 if side else -1.0) * values[inside, 0] / 0.2
-        return _with(recording, replace(odometry, values=frozen(values)))
     values = odometry.values.copy()
+    if odometry.wheels is None:
+        # The other wheel rolls on: half of its speed is the robot's, and all of it turns.
+        towards = -1.0 if side else 1.0
+        speed_mps = values[inside, 0] + towards * 0.5 * BASELINE_M * values[inside, 1]
+        values[inside] = np.column_stack([0.5 * speed_mps, towards * speed_mps / BASELINE_M])
+        return _with(recording, replace(odometry, values=frozen(values)))
     rolled = np.diff(values[:, side], prepend=values[0, side])
     rolled[inside] = 0.0
     values[:, side] = values[0, side] + np.cumsum(rolled)
     return _with(recording, replace(odometry, values=frozen(values)))
+
+
+def blocked_side(rng: np.random.Generator) -> int:
+    """Draw which wheel is blocked: 0 the left one, 1 the right one."""
+    return int(rng.integers(2))
 
 
 def jump(recording: Recording, span: Span, rng: np.random.Generator) -> Recording:

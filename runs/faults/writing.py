@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import yaml
 
 from maps.errors import InputError
 from maps.mapdocument import write_map
+from runs.bags.folder import copy_beside, robot_text, write_fixes, write_odometry
 from runs.faults.recording import Edit, Recording
+from runs.opening import is_session_folder
 from runs.results import StagedFolder, seconds
-from runs.session import Frame
-from runs.simulation.sessionfolder import write_fixes, write_odometry, write_rows
+from runs.session import Frame, Session
+from runs.simulation.sessionfolder import write_rows
+from runs.video import SUFFIXES as VIDEOS
 from vision.encoding import jpeg
+from vision.rawimages import kept_file
 
 #: Called with how many pictures are written, and of how many.
 Progress = Callable[[int, int], None]
@@ -28,7 +29,7 @@ _REWRITTEN = ("odometry.csv", "frames.csv", "fixes.csv", "map.yaml", "fault.yaml
 
 
 def write_recording(
-    original: Recording, changed: Recording, out: Path, told: dict[str, Any], progress: Progress
+    original: Recording, changed: Recording, out: Path, told: object, progress: Progress
 ) -> None:
     """Write a session folder, whole or not at all; `told` goes into its fault.yaml, which nothing reads.
 
@@ -36,28 +37,40 @@ def write_recording(
     """
     before, after = original.session, changed.session
     with StagedFolder(out) as folder:
-        for path in sorted(before.folder.iterdir()):
-            if path.is_file() and path.name not in _REWRITTEN:
-                shutil.copyfile(path, folder / path.name)
-        if after.odometry is before.odometry:
-            shutil.copyfile(before.folder / "odometry.csv", folder / "odometry.csv")
-        else:
-            unscaled = after.odometry
-            if unscaled.wheels is None:
-                unscaled = replace(unscaled, values=unscaled.values / np.array(after.robot.twist_scales))
-            write_odometry(folder / "odometry.csv", unscaled)
-        if after.fixes is not before.fixes:
-            write_fixes(folder / "fixes.csv", after.fixes)
-        elif before.fixes:
-            shutil.copyfile(before.folder / "fixes.csv", folder / "fixes.csv")
+        _copy_beside(before, folder)
         if changed.document is not None and changed.document is not original.document:
             write_map(folder / "map.yaml", changed.document)
-        elif before.map_path is not None:
-            shutil.copyfile(before.map_path, folder / "map.yaml")
+        _write_rows(folder / "odometry.csv", before, after, after.odometry is before.odometry, write_odometry)
+        if after.fixes:
+            _write_rows(folder / "fixes.csv", before, after, after.fixes is before.fixes, write_fixes)
         if after.frames:
             names = _write_pictures(folder, changed, progress)
             _write_frames(folder / "frames.csv", after.frames, names, after.robot.time_offset_ns)
         (folder / "fault.yaml").write_text(yaml.safe_dump(told, sort_keys=False), encoding="utf-8")
+
+
+def _copy_beside(session: Session, folder: Path) -> None:
+    """Copy what no fault is done to, and the map; of what is no session folder, what its folder would have."""
+    copy_beside(session, folder)
+    if not is_session_folder(session.folder):
+        (folder / "robot.yaml").write_text(robot_text(session.robot), encoding="utf-8")
+        return
+    # A video's frames become pictures.
+    filmed = VIDEOS if any(frame.picture is not None for frame in session.frames) else ()
+    for path in sorted(session.folder.iterdir()):
+        if path.is_file() and path.name not in _REWRITTEN and path.suffix.lower() not in filmed:
+            shutil.copyfile(path, folder / path.name)
+
+
+def _write_rows(
+    place: Path, before: Session, after: Session, same: bool, write: Callable[[Path, Session], None]
+) -> None:
+    """Copy a table of the session where it is the same, or write it."""
+    known = before.folder / place.name
+    if same and known.is_file():
+        shutil.copyfile(known, place)
+    else:
+        write(place, after)
 
 
 def _write_pictures(folder: Path, changed: Recording, progress: Progress) -> list[str]:
@@ -80,16 +93,21 @@ def _write_picture(folder: Path, edited: str, frame: Frame, edit: Edit | None) -
     place.parent.mkdir(parents=True, exist_ok=True)
     if edit is None:
         if not place.exists():
-            place.write_bytes(frame.data())
+            place.write_bytes(_kept(frame))
         return name
     try:
         picture = frame.image()
     except InputError:
         # A picture that nobody can read is none the better for a fault.
-        place.write_bytes(frame.data())
+        place.write_bytes(_kept(frame))
         return name
     place.write_bytes(jpeg(edit(picture), _QUALITY))
     return name
+
+
+def _kept(frame: Frame) -> bytes:
+    """Return a picture as a file's bytes: a file's own, or of raw pixels those that a folder is given."""
+    return frame.data() if frame.picture is None else kept_file(frame.data())
 
 
 def _write_frames(path: Path, frames: Iterable[Frame], names: list[str], offset_ns: int) -> None:

@@ -50,8 +50,13 @@ class Photographer:
         self._rays = pixel_corners(camera)
         self._falloff = _falloff(camera, sensor.vignetting)
 
-    def take(self, rotations: Array, centres: Array, rng: np.random.Generator) -> GreyImage:
-        """Return a picture, (H, W) grey; map_from_optical at moments of the exposure, (S, 3, 3) and (S, 3)."""
+    def take(
+        self, rotations: Array, centres: Array, rng: np.random.Generator, exposure: Array | None = None
+    ) -> GreyImage:
+        """Return a picture, (H, W) grey; map_from_optical at moments of the exposure, (S, 3, 3) and (S, 3).
+
+        `exposure`: (H,) what each row's light is multiplied with, beside what the camera sets; ones without it.
+        """
         sensor, scene = self._sensor, self._scene
         moments = np.ascontiguousarray(rotations), np.ascontiguousarray(centres)
         radiance = cast_picture(self._rays, *moments, scene.mesh, scene.lights, int(rng.integers(2**31)))
@@ -59,6 +64,8 @@ class Photographer:
             radiance = gaussian_filter(radiance, sensor.blur_px, mode="nearest")
         exposed = radiance * self._falloff
         exposed = exposed * (_GREY / max(float(np.median(exposed)), 1e-6))
+        if exposure is not None:
+            exposed = exposed * exposure[:, None]
         # In the dark the exposure cannot go on for ever: a white pixel then has fewer electrons.
         well = sensor.full_well * min(1.0, scene.brightness)
         electrons = well * np.minimum(exposed, 4.0)

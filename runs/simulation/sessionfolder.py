@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import csv
 import shutil
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,25 +13,17 @@ import numpy as np
 import yaml
 
 from maps.documents import read_text
-from maps.errors import InputError
-from maps.mapfile import read_map
 from maps.poses import Array, Pose2
-from maps.wiremap import WireMap
 from runs.results import StagedFolder, seconds
-from runs.robot import Robot, Start, read_robot
+from runs.robot import Robot, Start
 from runs.robotfile import with_block
 from runs.session import TWIST_COLUMNS, WHEEL_COLUMNS, Odometry, RecordedFix
-from runs.simulation.filming import Filming, frame_stamps
-from runs.simulation.fixes import FixErrors, SimulatedFixes, simulate_fixes
-from runs.simulation.freefloor import FreeFloor, NoRoomError
-from runs.simulation.manoeuvres import Motion
+from runs.simulation.filming import Filming
+from runs.simulation.fixes import SimulatedFixes
+from runs.simulation.mishaps import Mishaps
 from runs.simulation.observable import observed
-from runs.simulation.offsets import CALIBRATED, Offsets, true_robot
-from runs.simulation.paths import simulate_drive
-from runs.simulation.photograph import Sensor
-from runs.simulation.scene import Conditions, scene_of
-from runs.simulation.synthetic import simulate_odometry, start_of
-from runs.simulation.wheels import TwistErrors, WheelErrors
+from runs.simulation.rehearsal import Recipe, Rehearsal, image_name, rehearsed
+from runs.simulation.scene import scene_of
 from runs.tables import Times
 from vision.encoding import jpeg
 from vision.images import read_image
@@ -42,81 +34,42 @@ Progress = Callable[[int, int], None]
 _TRUTH_COLUMNS = ("timestamp_s", "x_m", "y_m", "phi_rad")
 
 
-@dataclass(frozen=True, slots=True)
-class Recipe:
-    """What to simulate. The same recipe gives the same session.
-
-    `radius_m`: of the robot's outline. `frame_rate_hz`: 0 for no frames. `fixes`: None for none.
-    `offsets`: how far the robot may be from its file. `initial_std`: how well its start is known [m, m, rad].
-    """
-
-    seed: int = 0
-    seconds: float = 60.0
-    radius_m: float = 0.25
-    motion: Motion = field(default_factory=Motion)
-    odometry: WheelErrors | TwistErrors = field(default_factory=WheelErrors)
-    offsets: Offsets = CALIBRATED
-    frame_rate_hz: float = 1.0
-    conditions: Conditions = field(default_factory=Conditions)
-    sensor: Sensor = field(default_factory=Sensor)
-    fixes: FixErrors | None = None
-    initial_std: tuple[float, float, float] = (0.05, 0.05, 0.035)
-
-
-def simulate_folder(out: Path, map_path: Path, robot_path: Path, recipe: Recipe, progress: Progress) -> None:
-    """Write a session folder, whole or not at all.
+def simulate_folder(
+    out: Path,
+    map_path: Path,
+    robot_path: Path,
+    recipe: Recipe,
+    progress: Progress,
+    notes: Mapping[str, object] | None = None,
+) -> None:
+    """Write a session folder, whole or not at all; `notes`: further YAML files by name, which nothing reads.
 
     InputError where the map or the robot cannot be read, the robot does not fit on the floor or lacks what
     the recipe asks for, or `out` holds something already.
     """
-    wire_map, nominal = read_map(map_path), read_robot(robot_path)
-    _check(nominal, recipe)
-    # Each part has its own numbers: with or without pictures, the drive is the same.
-    draw = [np.random.default_rng(seed) for seed in np.random.SeedSequence(recipe.seed).spawn(6)]
-    robot = true_robot(nominal, recipe.offsets.drawn(draw[0]))
-    drive = simulate_drive(
-        draw[1], recipe.seconds, floor=_free_floor(wire_map, map_path, recipe), motion=recipe.motion
-    )
-    odometry = simulate_odometry(drive, robot, nominal, recipe.odometry, draw[2])
-    start = start_of(drive, recipe.initial_std, draw[2])
+    known = rehearsed(map_path, robot_path, recipe)
+    drive, robot = known.drive, known.robot
     with StagedFolder(out) as folder:
         shutil.copyfile(map_path, folder / "map.yaml")
-        (folder / "robot.yaml").write_text(_robot_text(robot_path, start), encoding="utf-8")
-        write_odometry(folder / "odometry.csv", odometry)
+        (folder / "robot.yaml").write_text(_robot_text(robot_path, known.start), encoding="utf-8")
+        write_odometry(folder / "odometry.csv", known.odometry)
         _write_truth(folder / "ground_truth_dense.csv", drive.stamps_ns, drive.poses)
-        looks: list[Times] = []
-        fixes = SimulatedFixes((), np.zeros(0, bool))
         if recipe.fixes is not None:
-            through = (robot, nominal) if nominal.camera else (None, None)
-            fixes = simulate_fixes(drive, recipe.fixes, draw[3], *through)
-            write_fixes(folder / "fixes.csv", fixes.fixes)
-            looks.append(np.array([fix.stamp_ns for fix in fixes.fixes], np.int64))
+            write_fixes(folder / "fixes.csv", known.fixes.fixes)
         if recipe.frame_rate_hz > 0.0:
-            stamps_ns = frame_stamps(drive, recipe.frame_rate_hz, draw[4])
-            scene = scene_of(wire_map, recipe.conditions, draw[4], _eye_m(robot), drive.poses[::10, :2])
-            frames = Filming(scene, robot, recipe.sensor).frames(drive, stamps_ns, draw[5])
-            _write_frames(folder, frames, stamps_ns, robot.time_offset_ns, recipe.sensor.quality, progress)
-            _write_observable(folder, robot, wire_map, drive.at(stamps_ns))
-            looks.append(stamps_ns)
-        at = np.unique(np.concatenate(looks))
+            way = drive.poses[::10, :2]
+            scene = scene_of(known.wire_map, recipe.conditions, known.scene_rng, _eye_m(robot), way)
+            filming = Filming(scene, robot, recipe.sensor, mishaps=recipe.mishaps)
+            frames = filming.frames(drive, known.stamps_ns, known.picture_rng)
+            _write_frames(
+                folder, frames, known.stamps_ns, robot.time_offset_ns, recipe.sensor.quality, progress
+            )
+            _write_observable(folder, known, recipe.mishaps)
+        fixes_ns = np.array([fix.stamp_ns for fix in known.fixes.fixes], np.int64)
+        at = np.unique(np.concatenate([fixes_ns, known.stamps_ns]))
         _write_truth(folder / "ground_truth.csv", at, drive.at(at))
-        _write_yaml(folder / "truth.yaml", _told(recipe, robot, fixes))
-
-
-def _check(nominal: Robot, recipe: Recipe) -> None:
-    if recipe.frame_rate_hz <= 0.0 and recipe.fixes is None:
-        raise InputError("--frame-rate", "", "0, and no fixes: nothing to localize with")
-    if recipe.frame_rate_hz > 0.0 and nominal.camera is None:
-        raise InputError(nominal.path, "camera", "missing, and frames are asked for")
-    if isinstance(recipe.odometry, WheelErrors) and nominal.wheels is None:
-        raise InputError(nominal.path, "wheels", "missing, and wheel angles are asked for")
-
-
-def _free_floor(wire_map: WireMap, map_path: Path, recipe: Recipe) -> FreeFloor:
-    try:
-        return FreeFloor.of(wire_map.floor, recipe.radius_m, wire_map.lintels.mean(axis=1))
-    except NoRoomError as error:
-        raise InputError(map_path, "floor", str(error)) from None
+        for name, content in {"truth.yaml": _told(recipe, robot, known.fixes), **(notes or {})}.items():
+            _write_yaml(folder / name, content)
 
 
 def _eye_m(robot: Robot) -> float:
@@ -181,25 +134,27 @@ def _write_frames(
     (folder / "images").mkdir()
     rows = []
     for number, (image, stamp_ns) in enumerate(zip(frames, stamps_ns.tolist(), strict=True)):
-        name = _image_name(number)
+        name = image_name(number)
         (folder / name).write_bytes(jpeg(image, quality))
         rows.append((seconds(stamp_ns - offset_ns), name))
         progress(number + 1, len(stamps_ns))
     write_rows(folder / "frames.csv", ("timestamp_s", "filename"), rows)
 
 
-def _write_observable(folder: Path, robot: Robot, wire_map: WireMap, poses: Array) -> None:
+def _write_observable(folder: Path, known: Rehearsal, mishaps: Mishaps) -> None:
     """Count in the files as written what their map edges show, from where they were taken."""
-    assert robot.camera is not None
-    projector, rows = Projector(robot.camera, wire_map), []
-    for number, pose in enumerate(poses):
-        seen = observed(read_image(folder / _image_name(number)), projector, Pose2.from_array(pose))
-        rows.append((_image_name(number), str(seen.visible), str(seen.observable)))
+    assert known.robot.camera is not None
+    projector, rows = Projector(known.robot.camera, known.wire_map), []
+    for number, (stamp_ns, pose) in enumerate(
+        zip(known.stamps_ns.tolist(), known.drive.at(known.stamps_ns), strict=True)
+    ):
+        camera = mishaps.camera_at(known.robot.camera, stamp_ns)
+        if camera.mount != projector.camera.mount:
+            projector = Projector(camera, known.wire_map)
+        name = image_name(number)
+        seen = observed(read_image(folder / name), projector, Pose2.from_array(pose))
+        rows.append((name, str(seen.visible), str(seen.observable)))
     write_rows(folder / "observable.csv", ("filename", "visible", "observable"), rows)
-
-
-def _image_name(number: int) -> str:
-    return f"images/{number:06d}.jpg"
 
 
 def write_rows(path: Path, header: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
@@ -224,7 +179,7 @@ def _told(recipe: Recipe, robot: Robot, fixes: SimulatedFixes) -> dict[str, Any]
     return told
 
 
-def _write_yaml(path: Path, content: dict[str, Any]) -> None:
+def _write_yaml(path: Path, content: object) -> None:
     path.write_text(yaml.safe_dump(_plain(content), sort_keys=False), encoding="utf-8")
 
 

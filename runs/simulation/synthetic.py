@@ -16,9 +16,17 @@ from runs.session import Odometry, RecordedFix, Session
 from runs.simulation.fixes import FixErrors, simulate_fixes
 from runs.simulation.freefloor import FreeFloor
 from runs.simulation.manoeuvres import Motion
+from runs.simulation.mishaps import Mishaps
 from runs.simulation.offsets import Offsets, true_robot
 from runs.simulation.paths import Drive, DriveKind, simulate_drive
-from runs.simulation.wheels import TwistErrors, WheelErrors, simulate_encoders, simulate_twists
+from runs.simulation.wheels import (
+    BASELINE_M,
+    NOTHING,
+    TwistErrors,
+    WheelErrors,
+    simulate_encoders,
+    simulate_twists,
+)
 
 #: A robot without a camera, for studies that need none.
 PLAIN_ROBOT = Robot(Path("robot.yaml"), WheelGeometry(0.05, 0.05, 0.34), None, 0, None)
@@ -69,14 +77,20 @@ def simulate_session(
 
 
 def simulate_odometry(
-    drive: Drive, true: Robot, nominal: Robot, errors: WheelErrors | TwistErrors, rng: np.random.Generator
+    drive: Drive,
+    true: Robot,
+    nominal: Robot,
+    errors: WheelErrors | TwistErrors,
+    rng: np.random.Generator,
+    mishaps: Mishaps = NOTHING,
 ) -> Odometry:
     """Return what the robot's odometry makes of a drive; ValueError where it has no wheels for encoders."""
     if isinstance(errors, TwistErrors):
-        return simulate_twists(drive, errors, rng)
+        baseline_m = true.wheels.baseline_m if true.wheels else BASELINE_M
+        return simulate_twists(drive, errors, rng, mishaps, baseline_m)
     if true.wheels is None or nominal.wheels is None:
         raise ValueError("encoders need wheels")
-    return simulate_encoders(drive, true.wheels, nominal.wheels, errors, rng)
+    return simulate_encoders(drive, true.wheels, nominal.wheels, errors, rng, mishaps)
 
 
 def session_of(

@@ -14,6 +14,7 @@ import numpy as np
 from localization.odometry import WheelGeometry
 from maps.poses import Array
 from runs.session import Odometry
+from runs.simulation.mishaps import Mishaps
 from runs.simulation.paths import Drive
 from runs.tables import Times
 
@@ -54,6 +55,9 @@ class TwistErrors:
 #: Encoders and twists without any error.
 EXACT_WHEELS = WheelErrors(0.0, 0.0, 0.0, 0, 50.0)
 EXACT_TWISTS = TwistErrors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 50.0)
+NOTHING = Mishaps()
+#: Between the wheels of a robot whose file does not say.
+BASELINE_M = 0.4
 
 
 def simulate_encoders(
@@ -62,12 +66,13 @@ def simulate_encoders(
     nominal: WheelGeometry,
     errors: WheelErrors,
     rng: np.random.Generator,
+    mishaps: Mishaps = NOTHING,
 ) -> Odometry:
     """Return the cumulative wheel angles of a drive, as a session that knows the `nominal` wheels has them.
 
     The way that a wheel rolls follows from the true baseline, its angle from its true radius.
     """
-    forward, turned = drive.steps()
+    forward, turned = mishaps.steps(drive, true.baseline_m)
     half = 0.5 * true.baseline_m * turned
     rolled = np.column_stack([forward - half, forward + half])
     rolled = rolled + rng.normal(size=rolled.shape) * np.sqrt(errors.noise_m2_per_m * np.abs(rolled))
@@ -85,11 +90,20 @@ def simulate_encoders(
     return Odometry(drive.stamps_ns[rows], drive.stamps_ns[rows], values, nominal)
 
 
-def simulate_twists(drive: Drive, errors: TwistErrors, rng: np.random.Generator) -> Odometry:
-    """Return a drive's twists, the mean of each row until the next; the last row says: standing."""
+def simulate_twists(
+    drive: Drive,
+    errors: TwistErrors,
+    rng: np.random.Generator,
+    mishaps: Mishaps = NOTHING,
+    baseline_m: float = BASELINE_M,
+) -> Odometry:
+    """Return a drive's twists, the mean of each row until the next; the last row says: standing.
+
+    `baseline_m`: of the wheels behind them, where something goes wrong with those.
+    """
     rows = _rows(drive, errors.rate_hz)
     stamps_ns = drive.stamps_ns[rows]
-    forward, turned = (np.append(0.0, np.cumsum(steps))[rows] for steps in drive.steps())
+    forward, turned = (np.append(0.0, np.cumsum(steps))[rows] for steps in mishaps.steps(drive, baseline_m))
     forward, turned = np.diff(forward), np.diff(turned)
     seconds = np.diff(stamps_ns) * 1e-9
     noise = rng.normal(size=(2, len(seconds)))

@@ -1,4 +1,4 @@
-"""What is counted of a run with a fault: wrong looks on end, frames until right again, frames until lost."""
+"""What is counted of a run with a fault: how long it is wrong unawares, looks until it is right again, or lost."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from localization.states import State
 from maps.outcomes import PoseBelief
 from maps.poses import Pose2
-from runs.faults.judging import judged
+from runs.diary import StateSpan
+from runs.faults.judging import judged, judged_undisturbed, wrong_unawares_s
+from runs.faults.kinds import FAULTS, corrupted, fault_span
 from runs.faults.recording import Span, read_recording
 from runs.runlog import Trajectory
 
@@ -28,6 +31,7 @@ def run(states, errors_m):
     records = [
         SimpleNamespace(
             stamp_ns=stamp,
+            arrival_ns=stamp,
             state=state,
             x_m=error,
             y_m=None if error is None else 0.0,
@@ -67,6 +71,10 @@ def test_recovery_counts_good_frames_from_the_faults_end(recording):
     errors = [0.0, 0.9, 0.9, 0.9, 0.9, 0.0, 0.0, 0.0]
     assert judge(recording, TRACKING, errors).recovered_after == 3
     assert judge(recording, LOST, errors).recovered_after is None
+    # One that is wrong again after the next frame was not right.
+    assert judge(recording, TRACKING, [0.0, 0.9, 0.9, 0.2, 0.9, 0.0, 0.2, 0.9]).recovered_after == 3
+    # Nor is one that would not be wrong enough to be charged.
+    assert judge(recording, TRACKING, [0.0, 0.9, 0.9, 0.4, 0.4, 0.4, 0.2, 0.2]).recovered_after == 4
     # A fault without an end is not recovered from.
     assert judge(recording, TRACKING, errors, end=100.0).recovered_after is None
 
@@ -74,3 +82,82 @@ def test_recovery_counts_good_frames_from_the_faults_end(recording):
 def test_the_first_lost_frame_is_counted_from_one(recording):
     states = [*TRACKING[:4], *LOST[:4]]
     assert judge(recording, states, [0.0] * 8).lost_after == 5
+
+
+def steps(*parts):
+    """Make odometry steps of 0.1 s, and the stamps at which the pose is wrong, of (seconds, state, wrong)."""
+    spans, wrong, at = [], set(), 0
+    for seconds, state, off in parts:
+        for _ in range(round(10 * seconds)):
+            spans.append(StateSpan(at, at + S // 10, state))
+            at += S // 10
+            if off:
+                wrong.add(at)
+    return spans, wrong
+
+
+def test_a_wrong_pose_is_charged_from_the_third_look_since_it_went_wrong():
+    looks = [round((second + 0.55) * S) for second in range(20)]
+    # Wrong from 2.1 s on; looks at 2.55, 3.55 and 4.55 s; what the third brings is published at 4.6 s.
+    spans, wrong = steps((2, State.TRACKING, False), (3, State.TRACKING, True), (5, State.TRACKING, False))
+    assert wrong_unawares_s(spans, wrong, looks) == pytest.approx(0.5)
+    assert wrong_unawares_s(spans, wrong, looks[:4]) == 0.0
+    short, wrong = steps((2, State.TRACKING, False), (2.5, State.TRACKING, True), (5, State.TRACKING, False))
+    assert wrong_unawares_s(short, wrong, looks) == 0.0
+
+
+def test_looks_of_another_stretch_excuse_nothing_and_charge_nothing():
+    looks = [round((second + 0.55) * S) for second in range(20)]
+    stretch = ((2, State.TRACKING, True), (1, State.TRACKING, False))
+    assert wrong_unawares_s(*steps(*stretch, *stretch, *stretch), looks) == 0.0
+
+
+def test_who_knows_that_a_pose_is_bad_is_charged_once_he_trusts_it_again():
+    looks = [round((second + 0.55) * S) for second in range(20)]
+    unsure = steps((5, State.UNCERTAIN, True), (5, State.UNCERTAIN, False))
+    assert wrong_unawares_s(*unsure, looks) == 0.0
+    trusting = steps((5, State.UNCERTAIN, True), (0.4, State.TRACKING, True), (5, State.TRACKING, False))
+    assert wrong_unawares_s(*trusting, looks) == pytest.approx(0.4)
+
+
+def test_frames_that_a_fault_stamps_otherwise_still_count(sample):
+    recording = read_recording(sample)
+    span = fault_span(recording, FAULTS["clock-offset"])
+    faulty = corrupted(recording, "clock-offset", span, 0)
+    judgement = judged(faulty, span, wrong_all_along(faulty), TRUTH)
+    assert (
+        judgement.wrong_looks
+        == judged_undisturbed(recording.session, wrong_all_along(recording), TRUTH).wrong_looks
+    )
+    assert judgement.wrong_looks > 10
+    assert judgement.recovered_after is None
+
+
+def test_pictures_in_which_a_fault_hides_the_edges_do_not_count(sample):
+    recording = read_recording(sample)
+    span = Span(recording.span.start_ns, recording.span.start_ns + 10 * S)
+    faulty = corrupted(recording, "blackout", span, 0)
+    result = wrong_all_along(faulty)
+    hidden, seen = judged(faulty, span, result, TRUTH, obscured=True), judged(faulty, span, result, TRUTH)
+    assert 3 <= seen.wrong_looks - hidden.wrong_looks <= 9
+
+
+#: Somewhere else than any robot.
+TRUTH = Trajectory(np.array([-S, 1000 * S]), np.full((2, 3), 500.0))
+
+
+def wrong_all_along(recording):
+    """Make a run that is at the origin, and trusts it, after every frame."""
+    records = [
+        SimpleNamespace(
+            stamp_ns=frame.stamp_ns,
+            arrival_ns=frame.arrival_ns,
+            state="TRACKING",
+            x_m=0.0,
+            y_m=0.0,
+            phi_rad=0.0,
+        )
+        for frame in recording.session.frames
+    ]
+    track = Trajectory(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+    return SimpleNamespace(records=tuple(records), spans=(), trajectories=SimpleNamespace(filtered=track))
