@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,18 @@ MAX_COORDINATE_M = 1e5
 MAX_CEILING_M = 20.0
 #: What bounds a room: walls, columns, and the posts and panes of curtain walls.
 WALL_CLASSES = ("IfcWall", "IfcColumn", "IfcPlate", "IfcMember")
+
+
+def load() -> None:
+    """Load the libraries, which takes a second or two; not having them is told when a file is read."""
+    with suppress(ImportError):
+        for name in (
+            "ifcopenshell",
+            "ifcopenshell.geom",
+            "ifcopenshell.util.element",
+            "ifcopenshell.util.unit",
+        ):
+            importlib.import_module(name)
 
 
 def import_ifc(path: Path, options: ImportOptions) -> Imported:
@@ -150,13 +163,15 @@ class _Model:
 
     def openings(self, wall: Any) -> list[Any]:
         """Return the openings of a wall, called as the door or window that fills them."""
-        openings = [relation.RelatedOpeningElement for relation in getattr(wall, "HasOpenings", ())]
+        relations = getattr(wall, "HasOpenings", ())
+        openings = [getattr(relation, "RelatedOpeningElement", None) for relation in relations]
         return [opening for opening in openings if opening is not None]
 
     def name(self, element: Any) -> str:
         """Return what an element is called; an opening as what fills it."""
         fillings = getattr(element, "HasFillings", ())
-        called = (fillings[0].RelatedBuildingElement if fillings else None) or element
+        called = getattr(fillings[0], "RelatedBuildingElement", None) if fillings else None
+        called = called or element
         return str(called.Name or called.is_a().removeprefix("Ifc").lower())
 
     def mesh(self, element: Any) -> tuple[Array, Any] | None:

@@ -6,14 +6,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 from maps.errors import InputError
+from maps.formats.apart import imported_apart
 from maps.formats.dxf import import_dxf
-from maps.formats.ifc import import_ifc
 from maps.formats.imported import Imported, ImportOptions
 from maps.formats.line_list import import_lines
 from maps.formats.ros import import_ros
 from maps.formats.sdf import import_sdf
 
 Importer = Callable[[Path, ImportOptions], Imported]
+
+#: Its library is not proof against damaged files: some never end, some end the process.
+import_ifc = imported_apart("maps.formats.ifc:import_ifc")
 
 BY_EXTENSION: dict[str, Importer] = {
     ".sdf": import_sdf,

@@ -24,8 +24,8 @@ from readers import Reader
 
 from maps.errors import WirelocError
 
-#: No reader may take longer over a small file, or more memory beyond what it had.
-MOST_S, MOST_BYTES = 5.0, 2**30
+#: No reader may take more memory over a small file, beyond what it had.
+MOST_BYTES = 2**30
 
 
 class HangError(BaseException):
@@ -45,13 +45,13 @@ def tried(reader: Reader, data: bytes, folder: Path) -> str | None:
     """Let a reader read an input in a folder; return what was wrong about how it took it, or None."""
     (folder / reader.file).write_bytes(data)
     try:
-        with _alarm(MOST_S), warnings.catch_warnings():
+        with _alarm(reader.most_s), warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
             reader.read(folder)
     except WirelocError as error:
         return None if str(error).strip() else "an error that says nothing"
     except HangError as error:
-        return f"longer than {MOST_S:g} s at {_place(traceback.extract_tb(error.__traceback__))}"
+        return f"longer than {reader.most_s:g} s at {_place(traceback.extract_tb(error.__traceback__))}"
     except (Exception, RecursionError) as error:  # noqa: BLE001 - whatever it is, it is what we look for
         return f"{type(error).__name__} at {_place(traceback.extract_tb(error.__traceback__))}: {error}"[:300]
     return None
@@ -72,7 +72,7 @@ def campaign(reader: Reader, seconds: float, seed: int, keep: Path) -> tuple[int
         theirs.close()
         with contextlib.suppress(EOFError):
             while True:
-                if not ours.poll(4.0 * MOST_S):
+                if not ours.poll(4.0 * reader.most_s):
                     # It hangs where no signal of Python's gets through.
                     process.kill()
                 what = ours.recv()

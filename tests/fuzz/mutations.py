@@ -31,6 +31,11 @@ def mutated(seeds: Sequence[bytes], rng: np.random.Generator) -> bytes:
     return data[: 2**20]
 
 
+def damaged(data: bytes, rng: np.random.Generator) -> bytes:
+    """Return bytes with some flipped, or a part of them lost."""
+    return (_bits, _cut, _lost)[int(rng.integers(3))](data, rng)
+
+
 def _replaced(pattern: re.Pattern[bytes], data: bytes, rng: np.random.Generator) -> bytes:
     found = list(pattern.finditer(data))
     if not found:

@@ -29,13 +29,18 @@ SAMPLE = TESTS.parent / "runs" / "samples" / "building_a"
 
 @dataclass(frozen=True)
 class Reader:
-    """`file`: what is changed, in the folder that `lay` fills; `read` is called with that folder."""
+    """`file`: what is changed, in the folder that `lay` fills; `read` is called with that folder.
+
+    `tries`: how often in the tests that always run. `most_s`: as long it may take.
+    """
 
     name: str
     file: str
     seeds: tuple[bytes, ...]
     read: Callable[[Path], object]
     lay: Callable[[Path], None] = lambda folder: None  # noqa: ARG005
+    tries: int = 12
+    most_s: float = 5.0
 
 
 def readers() -> list[Reader]:
@@ -57,11 +62,95 @@ def readers() -> list[Reader]:
         Reader("lines", "lines.csv", (_LINES,), _imported("lines.csv")),
         Reader("sdf", "house.sdf", (_SDF,), _imported("house.sdf")),
     ]
+    found += _drives()
     if (drawing := _dxf()) is not None:
         found.append(Reader("dxf", "plan.dxf", (drawing,), _imported("plan.dxf")))
     if (model := _ifc()) is not None:
-        found.append(Reader("ifc", "house.ifc", (model,), _imported("house.ifc")))
+        from maps.formats.ifc import import_ifc
+
+        # What this project does with a model; below, in a process of its own, which has its libraries to load.
+        here: Callable[[Path], object] = lambda at: import_ifc(at / "house.ifc", ImportOptions())  # noqa: E731
+        found.append(Reader("ifc here", "house.ifc", (model,), here))
+        found.append(Reader("ifc", "house.ifc", (model,), _imported("house.ifc"), tries=1, most_s=20.0))
     return found
+
+
+def _drives() -> list[Reader]:
+    """Return the readers of what holds a drive and is no session folder."""
+    import drives
+    from drives import look
+
+    euroc = "mav0/cam0"
+    found = [
+        Reader("video", "drive.avi", (drives.film(),), look, _filmed),
+        Reader("video's stamps", "frames.csv", (drives.STAMPS,), look, _filmed),
+        Reader("tum", "rgb.txt", (drives.TUM_ROWS,), look, _tum),
+        Reader("euroc", f"{euroc}/data.csv", (drives.EUROC_ROWS,), look, _euroc),
+        Reader("euroc's camera", f"{euroc}/sensor.yaml", (drives.SENSOR,), look, _euroc),
+    ]
+    try:
+        import rosbags.highlevel  # noqa: F401
+    except ModuleNotFoundError:
+        return found
+    for suffix in ("mcap", "db3", "bag"):
+        seeds = (drives.bag_bytes(suffix),)
+        found.append(
+            Reader(f"bag {suffix}", f"drive.{suffix}", seeds, drives.bag_reader(suffix), _map_beside)
+        )
+    found.append(
+        Reader(
+            "bag metadata",
+            "bag/metadata.yaml",
+            (drives.metadata(),),
+            lambda at: look(at / "bag", drives.named()),
+            _ros2_folder,
+        )
+    )
+    found.append(
+        Reader("odd bag", "draw", (b"", b"0123456789", b"9876543210"), drives.odd_bag, _map_beside, tries=4)
+    )
+    return found
+
+
+def _map_beside(folder: Path) -> None:
+    (folder / "map.yaml").write_bytes(_small_map())
+
+
+def _ros2_folder(folder: Path) -> None:
+    import drives
+
+    _map_beside(folder)
+    drives.lay_ros2_folder(folder)
+
+
+def _filmed(folder: Path) -> None:
+    import drives
+
+    _session(folder)
+    (folder / "frames.csv").write_bytes(drives.STAMPS)
+    (folder / "drive.avi").write_bytes(drives.film())
+
+
+def _tum(folder: Path) -> None:
+    _session(folder)
+    (folder / "frames.csv").unlink()
+    (folder / "rgb").mkdir(exist_ok=True)
+    for name in ("a", "b"):
+        (folder / "rgb" / f"{name}.jpg").write_bytes(_images()[0])
+
+
+def _euroc(folder: Path) -> None:
+    import drives
+
+    _session(folder)
+    (folder / "frames.csv").unlink()
+    (folder / "robot.yaml").write_bytes(b"wheels: {radius_m: 0.05, baseline_m: 0.34}\n")
+    camera = folder / "mav0" / "cam0"
+    (camera / "data").mkdir(parents=True, exist_ok=True)
+    for name in ("a", "b"):
+        (camera / "data" / f"{name}.jpg").write_bytes(_images()[0])
+    (camera / "data.csv").write_bytes(drives.EUROC_ROWS)
+    (camera / "sensor.yaml").write_bytes(drives.SENSOR)
 
 
 def _imported(name: str) -> Callable[[Path], object]:

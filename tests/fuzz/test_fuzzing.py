@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from campaign import campaign, tried
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from mutations import mutated
 from readers import Reader, readers
 
@@ -24,11 +22,17 @@ FOUND: list[tuple[str, Callable[[bytes], bytes]]] = [
     ("trajectory", lambda good: good.replace(b"0.100000000", b"9" * 25)),
     ("steps", lambda good: good.replace(b"a.jpg", b"a" * 200_000)),
     ("lines", lambda good: good.replace(b"4,3,0", b"4,1e308,0")),
+    ("euroc's camera", lambda good: good.replace(b"0.98006658", b"1e308")),
+    ("bag metadata", lambda good: good.replace(b"bag.db3", b"../../robot.yaml")),
+    ("bag metadata", lambda good: good.replace(b"message_count: 4", b"message_count: ''")),
+    ("bag db3", lambda good: good.replace(b"uint32 width", b"uint32 breit")),
+    ("tum", lambda good: good.replace(b"rgb/a.jpg", b"/etc/hostname")),
+    ("euroc", lambda good: good.replace(b"a.jpg", b"../../../robot.yaml")),
     ("grid's yaml", lambda good: good.replace(b"0.05", b"1e-10")),
-    ("ifc", lambda good: good.replace(b"IFCRELFILLSELEMENT", b"IFCRELFILLSELEMENT($,$);IFCWALL")),
-    ("ifc", lambda good: good.replace(b"FILE_SCHEMA(('IFC4", b"FILE_SCHEMA(('IF" + b"." * 1000)),
-    ("ifc", lambda good: good.replace(b"500.", b"#1")),
-    ("ifc", lambda good: good.replace(b".METRE.", b"$")),
+    ("ifc here", lambda good: good.replace(b"IFCRELFILLSELEMENT", b"IFCRELFILLSELEMENT($,$);IFCWALL")),
+    ("ifc here", lambda good: good.replace(b"FILE_SCHEMA(('IFC4", b"FILE_SCHEMA(('IF" + b"." * 1000)),
+    ("ifc here", lambda good: good.replace(b"500.", b"#1")),
+    ("ifc here", lambda good: good.replace(b".METRE.", b"$")),
 ]
 
 
@@ -50,16 +54,11 @@ def test_a_good_file_is_read(name: str, laid: dict[str, Path]) -> None:
 
 
 @pytest.mark.parametrize("name", READERS)
-@settings(
-    max_examples=12,
-    derandomize=True,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-@given(seed=st.integers(0, 2**32))
-def test_a_broken_file_is_refused_or_read(name: str, laid: dict[str, Path], seed: int) -> None:
+def test_a_broken_file_is_refused_or_read(name: str, laid: dict[str, Path]) -> None:
     reader = READERS[name]
-    assert tried(reader, mutated(reader.seeds, np.random.default_rng(seed)), laid[name]) is None
+    for seed in range(reader.tries):
+        data = mutated(reader.seeds, np.random.default_rng(seed))
+        assert tried(reader, data, laid[name]) is None, seed
 
 
 @pytest.mark.parametrize(("name", "change"), FOUND)
@@ -85,7 +84,6 @@ def test_a_campaign_finds_what_is_broken_and_keeps_the_input(tmp_path: Path) -> 
     assert list(tmp_path.glob("careless-*"))
 
 
-def test_a_hang_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("campaign.MOST_S", 0.05)
-    reader = Reader("slow", "file", (b"1",), lambda _: time.sleep(2.0))
+def test_a_hang_is_found(tmp_path: Path) -> None:
+    reader = Reader("slow", "file", (b"1",), lambda _: time.sleep(2.0), most_s=0.05)
     assert (tried(reader, b"1", tmp_path) or "").startswith("longer than 0.05 s")
