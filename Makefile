@@ -12,7 +12,7 @@ run: $(VENV)/installed
 	$(BIN)/wireloc run runs/samples/building_a
 
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

@@ -23,11 +23,11 @@ from runs.cli_experiment import experiment_app
 from runs.cli_lines import extract_lines
 from runs.cli_locate import locate_image
 from runs.cli_map import map_app
-from runs.cli_session import JointsOption, RobotOption, TopicOption, session_app
+from runs.cli_session import session_app
 from runs.cli_simulate import simulate
 from runs.cli_sweep import sweep
 from runs.logdetail import LogDetail
-from runs.options import numbers
+from runs.options import JointsOption, MapOption, RobotOption, TopicOption, numbers
 from runs.palette import TRACKS
 from runs.progress import progress_bar
 
@@ -88,9 +88,7 @@ def _options(
 @app.command()
 def run(
     session: Annotated[Path, typer.Argument(metavar="SESSION", help="Session folder, or a ROS bag.")],
-    map_: Annotated[
-        Path | None, typer.Option("--map", metavar="FILE", help="Map, if not the session's.")
-    ] = None,
+    map_: MapOption = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Run folder.")] = None,
     config: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Parameters that differ (YAML).")
@@ -120,11 +118,11 @@ def run(
     """Run a whole navigation session: table, run folder, recording."""
     from runs.config import RunConfig, read_config
     from runs.navigation import Watching, navigate
-    from runs.opening import Reading, open_session, wanted_topics
+    from runs.opening import open_session, reading_of
     from runs.results import default_folder, point_latest
 
     parameters = read_config(config) if config else RunConfig()
-    reading = Reading(map_, robot, wanted_topics(topic or [], joints))
+    reading = reading_of(map_, robot, topic, joints)
     drive = _started(open_session(session, reading), initial_pose, initial_std, lost)
     folder = out or default_folder(drive.name, datetime.now())
     watching = Watching(log, _viewer(view, connect), mcap)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from runs.options import JointsOption, MapOption, RobotOption, TopicOption
 from runs.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -18,11 +20,11 @@ if TYPE_CHECKING:
 
 
 def calibrate_robot_command(
-    session: Annotated[Path, typer.Argument(metavar="SESSION", help="Session folder, with images.")],
+    session: Annotated[
+        Path, typer.Argument(metavar="SESSION", help="Session folder, bag, or another layout, with images.")
+    ],
     *,
-    map_: Annotated[
-        Path | None, typer.Option("--map", metavar="FILE", help="Map, if not the session's.")
-    ] = None,
+    map_: MapOption = None,
     out: Annotated[
         Path, typer.Option(metavar="FILE", help="robot.yaml to write: the session's with what was found.")
     ],
@@ -30,14 +32,18 @@ def calibrate_robot_command(
         Path | None, typer.Option(metavar="FILE", help="Parameters that differ (YAML).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    robot: RobotOption = None,
+    topic: TopicOption = None,
+    joints: JointsOption = None,
 ) -> None:
     """Calibrate wheels, camera mount and time offset from one drive; ends with 1 where it does not suffice."""
     from maps.documents import checked, read_yaml
     from maps.errors import InputError
     from maps.mapdocument import write_whole
+    from runs.bags.folder import robot_text
+    from runs.opening import open_session, reading_of
     from runs.robotcalibration import RobotCalibrationConfig, Uncalibrated, calibrate_robot, content_of
-    from runs.robotparameters import robot_text
-    from runs.session import read_session
+    from runs.robotparameters import with_parameters
 
     parameters = RobotCalibrationConfig()
     if config is not None:
@@ -45,7 +51,7 @@ def calibrate_robot_command(
     if not out.absolute().parent.is_dir():
         # Told before the work, not after.
         raise InputError(out, "", "no such folder to write it to")
-    drive = read_session(session, map_)
+    drive = open_session(session, reading_of(map_, robot, topic, joints))
     with progress_bar(drive.name) as progress:
         result = calibrate_robot(drive, parameters, progress)
     if as_json:
@@ -53,7 +59,9 @@ def calibrate_robot_command(
     if isinstance(result, Uncalibrated):
         typer.echo(f"wireloc: not calibrated: {result.why}", err=True)
         raise typer.Exit(1)
-    write_whole(out, robot_text(drive.robot.path, result.found, result.deviations).encode())
+    # Where this drive began is the bag's to say, not the robot's.
+    text = robot_text(replace(drive.robot, start=None))
+    write_whole(out, with_parameters(text, drive.robot.path, result.found, result.deviations).encode())
     if not as_json:
         _print(result)
         typer.echo(str(out))

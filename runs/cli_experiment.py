@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from maps.errors import InputError
+from runs.options import JointsOption, MapOption, RobotOption, TopicOption
 from runs.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -119,12 +120,11 @@ def complexity(
 @experiment_app.command("session")
 def session(
     session_: Annotated[
-        Path, typer.Argument(metavar="SESSION", help="Session folder with images and truth.")
+        Path,
+        typer.Argument(metavar="SESSION", help="Session folder, or a ROS 2 folder, with images and truth."),
     ],
     out: Out,
-    map_: Annotated[
-        Path | None, typer.Option("--map", metavar="FILE", help="Map, if not the session's.")
-    ] = None,
+    map_: MapOption = None,
     images: Annotated[
         int, typer.Option(min=1, max=MOST_IMAGES, metavar="N", help="Frames, evenly over the session.")
     ] = 50,
@@ -137,17 +137,20 @@ def session(
     workers: Workers = 1,
     scheduler: Scheduler = None,
     as_json: AsJson = False,
+    robot: RobotOption = None,
+    topic: TopicOption = None,
+    joints: JointsOption = None,
 ) -> None:
     """Match a session's frames one by one, from estimates of QI 3 about the truth: table 4 (section 4.2)."""
     from runs.config import RunConfig
     from runs.experiments.methods import Setting, chosen_methods
     from runs.experiments.recorded import session_study
     from runs.experiments.recordedreport import session_report
-    from runs.session import read_session
+    from runs.opening import open_session, reading_of
 
-    drive = read_session(session_, map_)
+    drive = open_session(session_, reading_of(map_, robot, topic, joints))
     if drive.camera is None or drive.wire_map is None:
-        raise InputError(session_ / "frames.csv", "", "no images to match")
+        raise InputError(session_, "", "no images to match")
     setting = Setting(drive.camera.mount.height_m, drawn=False, budget=budget)
     chosen = chosen_methods(methods, drive.wire_map, setting)
     lines = replace(RunConfig().matcher.lines, min_length_px=min_length)

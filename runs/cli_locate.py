@@ -12,6 +12,7 @@ import typer
 from maps.errors import InputError
 from runs.cli_camera import camera_of, check_size
 from runs.options import numbers
+from runs.progress import busy_with
 
 if TYPE_CHECKING:
     from maps.outcomes import Outcome, PoseBelief, SearchWindow
@@ -56,8 +57,10 @@ def locate_image(
     camera = camera_of(robot)
     grey = read_image(image)
     check_size(grey, camera, image)
-    matcher = _matcher(map_, camera, parameters)
-    outcome = matcher.match(grey, 0, window)
+    with busy_with("working out what can be seen from where; kept for later pictures"):
+        matcher = _matcher(map_, camera, parameters)
+    with busy_with("looking; the first picture after an installation takes a minute, for compiling"):
+        outcome = matcher.match(grey, 0, window)
     picture = overlay or Path("results") / f"{image.stem}-located.png"
     write_whole(picture, matched_png(grey, outcome.look))
     answer = _answer(outcome) | {"overlay": str(picture), "ms": matcher.timing_ms}

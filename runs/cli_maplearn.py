@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from maps.errors import InputError
+from runs.options import JointsOption, RobotOption, TopicOption
 from runs.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -29,18 +30,22 @@ def learn_map(
     out: Annotated[Path, typer.Option(metavar="MAP", help="The map to write.")],
     session: Annotated[
         list[Path] | None,
-        typer.Option(metavar="DIR", help="The runs' sessions, in order, where they lie elsewhere by now."),
+        typer.Option(metavar="PATH", help="The runs' sessions, in order, where they lie elsewhere by now."),
     ] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Plan of what was learnt (.png, .svg).")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the map.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    robot: RobotOption = None,
+    topic: TopicOption = None,
+    joints: JointsOption = None,
 ) -> None:
     """Learn from runs how often edges show, which side is bright, how well they are placed; tell what is amiss."""
     from maps.mapdocument import read_document, write_map
     from maps.mapfile import build_map
     from runs.learning import gather, read_drive, written
+    from runs.opening import reading_of
     from vision.maplearning import LearningConfig, learn
 
     if out.exists() and not force:
@@ -52,7 +57,8 @@ def learn_map(
     document = read_document(map_)
     wire_map = build_map(document, map_)
     places: list[Path | None] = [*session] if session else [None] * len(runs)
-    drives = [read_drive(run, map_, place) for run, place in zip(runs, places, strict=True)]
+    reading = reading_of(map_, robot, topic, joints)
+    drives = [read_drive(run, map_, place, reading) for run, place in zip(runs, places, strict=True)]
     with progress_bar("frames") as progress:
         seen, used = gather(wire_map, drives, progress)
     if seen is None:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from maps.errors import InputError
 from runs.cli_corrupt import corrupt_session
+from runs.options import JointsOption, MapOption, RobotOption, TopicOption
 from runs.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -22,27 +23,6 @@ session_app = typer.Typer(
     help="Recorded drives: what is in them, and other forms of them.", no_args_is_help=True
 )
 session_app.command("corrupt")(corrupt_session)
-
-TopicOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--topic",
-        metavar="ROLE=TOPIC",
-        help="Topic of a bag for a role: image, info, odometry, start, fixes.",
-        rich_help_panel="Bags",
-    ),
-]
-JointsOption = Annotated[
-    str | None,
-    typer.Option(metavar="LEFT,RIGHT", help="The wheels' joints in a bag.", rich_help_panel="Bags"),
-]
-RobotOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--robot", metavar="FILE", help="robot.yaml, if not beside the bag.", rich_help_panel="Bags"
-    ),
-]
-MapOption = Annotated[Path | None, typer.Option("--map", metavar="FILE", help="Map, if not the session's.")]
 
 
 @session_app.command("topics")
@@ -55,8 +35,9 @@ def list_topics(
 ) -> None:
     """List a bag's topics, and which of them would be read for what."""
     from runs.bags.listing import topic_uses
-    from runs.opening import wanted_topics
+    from runs.opening import refuse_folder, wanted_topics
 
+    refuse_folder(bag)
     uses, open_question = topic_uses(bag, robot, wanted_topics(topic or [], joints))
     if as_json:
         rows = [use.as_json() for use in uses]
@@ -90,10 +71,10 @@ def convert(
     from runs.bags.opening import is_bag
     from runs.bags.writing import write_bag
     from runs.layouts import is_layout
-    from runs.opening import Reading, open_session, wanted_topics
+    from runs.opening import open_session, reading_of
 
     kind = _kind(source, target, is_bag(source), storage, is_bag(source) or is_layout(source))
-    session = open_session(source, Reading(map_, robot, wanted_topics(topic or [], joints)))
+    session = open_session(source, reading_of(map_, robot, topic, joints))
     with progress_bar(target.name) as progress:
         if kind is None:
             write_folder(session, target, progress)

@@ -13,11 +13,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from runs.options import JointsOption, RobotOption, TopicOption
 from runs.progress import progress_bar
 
 
 def sweep(
-    sessions: Annotated[list[Path], typer.Argument(metavar="SESSION…", help="Session folders.")],
+    sessions: Annotated[list[Path], typer.Argument(metavar="SESSION…", help="Session folders, bags, …")],
     *,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where results go; one that was begun is gone on with.")
@@ -38,11 +39,15 @@ def sweep(
         str | None, typer.Option(metavar="ADDRESS", help="Dask cluster to work on, like tcp://host:8786.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the rows for programs.")] = False,
+    robot: RobotOption = None,
+    topic: TopicOption = None,
+    joints: JointsOption = None,
 ) -> None:
     """Run many sessions, configurations, seeds and faults: results.parquet, a table, a plot."""
     from maps.mapdocument import write_whole
     from runs.experiments.output import Grid
     from runs.faults.kinds import FAULTS
+    from runs.faults.table import fault_table, shortfalls
     from runs.plots import png
     from runs.sweep import NONE, sweep_items
     from runs.sweepreport import draw_sweep, failures, sweep_table
@@ -50,7 +55,7 @@ def sweep(
 
     arrow()
     kinds = [NONE, *FAULTS] if faults == "all" else [kind.strip() for kind in faults.split(",")]
-    items = sweep_items(sessions, config or (), seeds, kinds, map_)
+    items = sweep_items(sessions, config or (), seeds, kinds, map_, robot, topic or (), joints)
     with open_store(out) as folder:
         with progress_bar("sweep") as progress:
             rows = run_sweep(items, folder, progress, workers or os.cpu_count() or 1, scheduler)
@@ -58,6 +63,10 @@ def sweep(
         grid: Grid = sweep_table(rows)
         write_whole(folder / "sweep.png", png(draw_sweep(rows)))
         write_whole(folder / "summary.md", _markdown(grid.header, grid.rows, grid.remark).encode())
+        if any(kind != NONE for kind in kinds):
+            by_fault, short = fault_table(rows), "".join(f"- {line}\n" for line in shortfalls(rows))
+            text = _markdown(by_fault.header, by_fault.rows, by_fault.remark)
+            write_whole(folder / "faults.md", "\n".join([text, short] if short else [text]).encode())
     if as_json:
         typer.echo(json.dumps(rows, indent=1))
     else:

@@ -26,8 +26,12 @@ TUM_IMAGES = "rgb.txt"
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
+#: Of a rotation and a mount; what is beyond overflows when it is squared.
+Modest = Annotated[float, Field(ge=-1e3, le=1e3)]
+
+
 class _Transform(BaseModel):
-    data: list[Finite] = Field(min_length=16, max_length=16)
+    data: list[Modest] = Field(min_length=16, max_length=16)
 
 
 class _Sensor(BaseModel):
@@ -48,13 +52,13 @@ def is_layout(folder: Path) -> bool:
     return (folder / EUROC_CAMERA).is_dir() or (folder / TUM_IMAGES).is_file()
 
 
-def read_layout(folder: Path, map_path: Path | None = None) -> Session:
+def read_layout(folder: Path, map_path: Path | None = None, robot_path: Path | None = None) -> Session:
     """Read such a folder as a session; of EuRoC's the first camera.
 
     A camera that robot.yaml has not comes from EuRoC's sensor.yaml, with its body as the robot's base frame.
     InputError names the file, and the line or key, of what is missing or cannot be.
     """
-    robot = read_robot(folder / "robot.yaml")
+    robot = read_robot(robot_path or folder / "robot.yaml")
     odometry = read_odometry(folder / "odometry.csv", robot)
     if (folder / EUROC_CAMERA).is_dir():
         if robot.camera is None:

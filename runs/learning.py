@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,9 @@ from maps.mapdocument import MapDocument
 from maps.poses import Array, Pose2, wrap_angle
 from maps.wiremap import WireMap
 from runs.folder import Step, read_steps, read_tum, to_ns
+from runs.opening import Reading, open_session
 from runs.runlog import ACCEPTED, Trajectory
-from runs.session import Frame, Session, read_session
+from runs.session import Frame, Session
 from vision.lines import LineConfig, extract_segments
 from vision.maplearning import LearntMap
 from vision.mapsightings import SightingConfig, Sightings, sightings_of
@@ -45,10 +46,13 @@ class Drive:
     lines: LineConfig
 
 
-def read_drive(run: Path, map_path: Path, session: Path | None = None) -> Drive:
+def read_drive(
+    run: Path, map_path: Path, session: Path | None = None, reading: Reading | None = None
+) -> Drive:
     """Read a run folder and its session; `session` where the run's configuration does not find it any more.
 
-    InputError names the file, and the line or key, of what is missing or cannot be.
+    `reading`: how to read a session that is no folder; its map is `map_path`. InputError names the file, and the
+    line, key or topic, of what is missing or cannot be.
     """
     if not run.is_dir():
         raise InputError(run, "", "no such run folder")
@@ -59,11 +63,13 @@ def read_drive(run: Path, map_path: Path, session: Path | None = None) -> Drive:
         if not isinstance(folder, str):
             raise InputError(path, "run.folder", "missing: name the session with --session")
         session = Path(folder)
-        if not session.is_dir():
-            raise InputError(path, "run.folder", f"no folder {session}: name the session with --session")
-    drive = read_session(session, map_path)
+        if not session.exists():
+            raise InputError(
+                path, "run.folder", f"no folder or bag {session}: name the session with --session"
+            )
+    drive = open_session(session, replace(reading or Reading(), map_path=map_path))
     if not drive.frames:
-        raise InputError(session / "frames.csv", "", "no images to learn from")
+        raise InputError(session, "", "no images to learn from")
     lines = checked(LineConfig, _inside(content, "matcher", "lines") or {}, path)
     frames = trusted_frames(drive.frames, read_tum(run / "smoothed.tum"), read_steps(run))
     return Drive(run.resolve().name, drive, frames, lines)

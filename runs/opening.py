@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -28,19 +29,40 @@ def open_session(path: Path, reading: Reading | None = None) -> Session:
         from runs.bags.reading import read_bag
 
         return read_bag(path, reading.map_path, reading.robot_path, reading.wanted)
-    if is_layout(path):
-        return read_layout(path, reading.map_path)
+    foreign = path.is_dir() and is_layout(path)
     for option, given in (
-        ("--robot", reading.robot_path),
+        ("--robot", reading.robot_path and not foreign),
         ("--topic", reading.wanted.topics),
         ("--joints", reading.wanted.joints),
     ):
         if given:
-            raise InputError(option, "", f"is for bags, and {path} is a session folder")
+            raise InputError(
+                option, "", f"is for bags, and {path} is a {'' if foreign else 'session '}folder"
+            )
+    if foreign:
+        return read_layout(path, reading.map_path, reading.robot_path)
     return read_session(path, reading.map_path)
 
 
-def wanted_topics(topics: list[str], joints: str | None) -> Wanted:
+def is_session_folder(path: Path) -> bool:
+    """Whether a drive lies in this project's own files: nothing of it has to be made of something else."""
+    return path.is_dir() and not is_bag(path) and not is_layout(path)
+
+
+def refuse_folder(path: Path) -> None:
+    """Raise InputError where a drive has tables instead of topics."""
+    if path.is_dir() and not is_bag(path) and (is_layout(path) or (path / "odometry.csv").exists()):
+        raise InputError(path, "", "a folder with tables, not a bag with topics: it needs no choice of any")
+
+
+def reading_of(
+    map_path: Path | None, robot_path: Path | None, topics: Sequence[str] | None, joints: str | None
+) -> Reading:
+    """Return what the options of a command ask for; InputError where one is not of its form."""
+    return Reading(map_path, robot_path, wanted_topics(topics or (), joints))
+
+
+def wanted_topics(topics: Sequence[str], joints: str | None) -> Wanted:
     """Return what `--topic ROLE=TOPIC` and `--joints LEFT,RIGHT` ask for; InputError where it is not their form."""
     chosen: dict[Role, str] = {}
     for text in topics:

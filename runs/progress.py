@@ -1,4 +1,4 @@
-"""How far a command has come, for people who watch it."""
+"""How far a command has come, or what takes it so long, for people who watch it."""
 
 from __future__ import annotations
 
@@ -17,3 +17,10 @@ def progress_bar(name: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(name, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+@contextmanager
+def busy_with(what: str) -> Iterator[None]:
+    """Say on a terminal what is being done, elsewhere nothing, while that lasts."""
+    with Console(stderr=True).status(what):
+        yield

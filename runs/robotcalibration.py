@@ -111,7 +111,7 @@ def calibrate_robot(
     InputError where the session has no images, or they do not fit the camera.
     """
     if not session.frames or session.camera is None or session.wire_map is None:
-        raise InputError(session.folder / "frames.csv", "", "no images, and a calibration needs them")
+        raise InputError(session.folder, "", "no images, and a calibration needs them")
     by_wheels = session.odometry.wheels is not None
     prior, stated = prior_of(session.robot, by_wheels, config.doubts, config.run.odometry)
     frames = chosen_frames(session, config.views)

@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import yaml
 from pydantic import BaseModel, Field
 
 from localization.drivenmotion import TWIST_PARAMETERS, WHEEL_PARAMETERS
 from localization.odometry import OdometryNoise
-from maps.documents import checked, read_text, read_yaml
+from maps.documents import checked, read_yaml
 from maps.errors import InputError
 from maps.poses import Array
+from runs.bags.opening import is_bag
 from runs.robot import Robot
 from runs.robotfile import with_keys
 from runs.robotproblem import Prior
@@ -86,7 +88,8 @@ def prior_of(robot: Robot, by_wheels: bool, doubts: Doubts, noise: OdometryNoise
     """
     assert robot.camera is not None
     mount = robot.camera.mount
-    own = checked(_Stds, read_yaml(robot.path), robot.path)
+    # A bag says nothing of how well it knows.
+    own = checked(_Stds, {} if is_bag(robot.path) else read_yaml(robot.path), robot.path)
     stated = [own.camera.mount.std_x_m, own.camera.mount.std_y_m, mount.std_height_m]
     stated += [mount.std_pitch_down_rad, mount.std_roll_rad, mount.std_yaw_rad]
     least = [
@@ -153,13 +156,12 @@ def with_robot(session: Session, values: Array, std: Array) -> Session:
     return replace(session, robot=robot, odometry=odometry, frames=frames, start_ns=start_ns, initial=initial)
 
 
-def robot_text(source: Path, values: Mapping[str, float], std: Mapping[str, float]) -> str:
+def with_parameters(text: str, source: Path, values: Mapping[str, float], std: Mapping[str, float]) -> str:
     """Return a robot file's text with these parameters, by name, and their deviations; the rest stays.
 
-    InputError where the file cannot be kept.
+    InputError names `source`, where the text is from, if it cannot be kept.
     """
-    text = read_text(source)
-    content = read_yaml(source)
+    content = yaml.safe_load(text) or {}
     for path, names in _PLACES.items():
         part = content
         for key in path:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
 import traceback
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from importlib.metadata import version
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -17,10 +14,11 @@ from typing import Any
 from maps.errors import WirelocError
 from runs.config import RunConfig, read_config
 from runs.evaluation import evaluate, read_truth
-from runs.faults.judging import Judgement, judged
+from runs.faults.judging import Judgement, judged, judged_undisturbed
 from runs.faults.kinds import chosen_fault, corrupted, fault_span
 from runs.faults.recording import read_recording
 from runs.faults.writing import write_recording
+from runs.opening import Reading, open_session, reading_of
 from runs.runlog import LogGroup
 from runs.runner import RunResult, run_session
 from runs.session import Session, read_session
@@ -35,9 +33,10 @@ Row = dict[str, str | int | float | None]
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """One run. `session`: its folder; `map_path`: None for its own map; `config`: None for the defaults.
+    """One run. `session`: what holds the drive; `map_path`: None for its own map; `config`: None for the defaults.
 
-    `seed`: the run's, and the fault's. `fault`: its kind, or `none`.
+    `seed`: the run's, and the fault's. `fault`: its kind, or `none`. `robot_path`, `topics`, `joints`: as the options
+    of the command line say how to read bags.
     """
 
     session: str
@@ -45,6 +44,15 @@ class Item:
     config: str | None
     seed: int
     fault: str = NONE
+    robot_path: str | None = None
+    topics: tuple[str, ...] = ()
+    joints: str | None = None
+
+    @property
+    def reading(self) -> Reading:
+        """How to read the drive."""
+        map_path, robot_path = (Path(name) if name else None for name in (self.map_path, self.robot_path))
+        return reading_of(map_path, robot_path, self.topics, self.joints)
 
     @property
     def names(self) -> Row:
@@ -55,17 +63,6 @@ class Item:
             "fault": self.fault,
             "seed": self.seed,
         }
-
-    def fingerprint(self) -> str:
-        """Return what changes with the program's version, the item and the files that it reads, pictures apart.
-
-        OSError where a file cannot be read.
-        """
-        told = hashlib.sha256(json.dumps([version("wireloc"), asdict(self)], sort_keys=True).encode())
-        paths = sorted(path for path in Path(self.session).iterdir() if path.is_file())
-        for path in [*paths, *(Path(name) for name in (self.map_path, self.config) if name)]:
-            told.update(path.name.encode() + hashlib.sha256(path.read_bytes()).digest())
-        return told.hexdigest()
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,11 +90,16 @@ def sweep_items(
     seeds: int,
     faults: Sequence[str],
     map_path: Path | None = None,
+    robot_path: Path | None = None,
+    topics: Sequence[str] = (),
+    joints: str | None = None,
 ) -> tuple[Item, ...]:
     """Return all combinations; without configurations the defaults, without faults none.
 
-    InputError for a fault that is not known, or a configuration that cannot be read.
+    InputError for a fault that is not known, a configuration that cannot be read, or `topics` and `joints` that are
+    not of their form.
     """
+    reading_of(map_path, robot_path, topics, joints)
     for config in configs:
         read_config(config)
     for fault in faults:
@@ -106,10 +108,13 @@ def sweep_items(
     return tuple(
         Item(
             str(session.resolve()),
-            str(map_path.resolve()) if map_path else None,
-            str(config.resolve()) if config else None,
+            _resolved(map_path),
+            _resolved(config),
             seed,
             fault,
+            _resolved(robot_path),
+            tuple(topics),
+            joints,
         )
         for session in sessions
         for config in (configs or (None,))
@@ -118,21 +123,28 @@ def sweep_items(
     )
 
 
+def _resolved(path: Path | None) -> str | None:
+    return str(path.resolve()) if path else None
+
+
 def _run(item: Item) -> Row:
     config = read_config(Path(item.config)) if item.config else RunConfig()
     config = replace(config, seed=item.seed)
-    folder, map_path = Path(item.session), Path(item.map_path) if item.map_path else None
+    drive = Path(item.session)
     if item.fault == NONE:
-        session = read_session(folder, map_path)
-        return _row(session, *_result(session, config))
-    original = read_recording(folder, map_path)
-    span = fault_span(original, chosen_fault(item.fault))
+        session = open_session(drive, item.reading)
+        result, metrics = _result(session, config)
+        return _row(session, result, metrics, judged_undisturbed(session, result, read_truth(session.folder)))
+    original = read_recording(drive, item.reading)
+    fault = chosen_fault(item.fault)
+    span = fault_span(original, fault)
+    faulty = corrupted(original, item.fault, span, item.seed)
     with TemporaryDirectory() as scratch:
-        place = Path(scratch) / folder.name
-        write_recording(original, corrupted(original, item.fault, span, item.seed), place, {}, _nobody)
+        place = Path(scratch) / original.session.name
+        write_recording(original, faulty, place, {}, _nobody)
         session = read_session(place)
         result, metrics = _result(session, config)
-        judgement = judged(original, span, result, read_truth(session.folder))
+        judgement = judged(faulty, span, result, read_truth(session.folder), fault.obscures)
     return _row(session, result, metrics, judgement)
 
 
@@ -142,9 +154,7 @@ def _result(session: Session, config: RunConfig) -> tuple[RunResult, dict[str, A
     return result, evaluate(session, result, truth)
 
 
-def _row(
-    session: Session, result: RunResult, metrics: dict[str, Any], judgement: Judgement | None = None
-) -> Row:
+def _row(session: Session, result: RunResult, metrics: dict[str, Any], judgement: Judgement) -> Row:
     vision, states = metrics["vision"], metrics["states"]
     row: Row = {
         "status": "ok" if result.usable else "no fix accepted",
@@ -155,10 +165,10 @@ def _row(
         **{f"{state.lower()}_s": seconds for state, seconds in states.items()},
         "availability": metrics["availability"],
         "tracking_wrong_s": metrics["tracking_wrong_s"],
-        "wrong_settled_s": judgement.wrong_s if judgement else metrics["tracking_wrong_s"],
-        "wrong_looks": judgement.wrong_looks if judgement else None,
-        "recovered_after": judgement.recovered_after if judgement else None,
-        "lost_after": judgement.lost_after if judgement else None,
+        "wrong_settled_s": judgement.wrong_s,
+        "wrong_looks": judgement.wrong_looks,
+        "recovered_after": judgement.recovered_after,
+        "lost_after": judgement.lost_after,
         "fix_ms": metrics["timing_ms"]["fix"]["median"],
     }
     for track in ("odometry", "filtered", "smoothed"):

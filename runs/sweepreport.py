@@ -29,9 +29,9 @@ def sweep_table(rows: Sequence[Row]) -> Grid:
         _HEADER,
         tuple((*names, *_cells(group)) for names, group in groups.items()),
         "Filtered pose: RMSE is the median over seeds, the rest the worst. Wrong s: longest time TRACKING with the "
-        "pose over 0.5 m or 10° off, after the third observable frame; wrong looks: most observable frames on end "
-        "that left it so. Recovered: observable frames after the fault's end until the pose is right again, - for "
-        "never or no end. Lost after: frames until the first LOST.",
+        "pose over 0.5 m or 10° off, once it was so for three observable frames; wrong looks: most such frames on "
+        "end that left it so. Recovered: observable frames after the fault's end until the pose is right again, - "
+        "for never or no end. Lost after: frames until the first LOST.",
     )
 
 

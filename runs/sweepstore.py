@@ -14,6 +14,7 @@ from maps.mapdocument import write_whole
 from runs.experiments.trials import trials_made
 from runs.folderlock import sole_writer
 from runs.sweep import Item, Row, Sweep
+from runs.sweepmark import Marks
 
 #: Called with how many items are done, and of how many.
 Progress = Callable[[int, int], None]
@@ -41,7 +42,8 @@ def run_sweep(
     An item that failed is tried again. InputError where no scheduler answers.
     """
     places = [_place(folder, number, item) for number, item in enumerate(items)]
-    marks = [_mark(item) for item in items]
+    known = Marks()
+    marks = [_mark(known, item) for item in items]
     rows = {number: row for number, place in enumerate(places) if (row := _kept(place, marks[number]))}
     pending = [number for number in range(len(items)) if number not in rows]
     progress(len(rows), len(items))
@@ -85,9 +87,9 @@ def _place(folder: Path, number: int, item: Item) -> Path:
     return folder / _ITEMS / f"{number:05d}-{names}.json"
 
 
-def _mark(item: Item) -> str:
+def _mark(known: Marks, item: Item) -> str:
     try:
-        return item.fingerprint()
+        return known.of(item)
     except OSError:
         # It will fail when it is run, and be told in its row.
         return ""

@@ -2,6 +2,7 @@
 
     python docs/examples/live.py SESSION [SPEED]
 
+SESSION: a session folder, a bag with robot.yaml and map.yaml beside it, or another layout.
 SPEED: 1 (as it was), 10 (ten times faster), 0 (as fast as matching goes, no image dropped).
 """
 
@@ -16,17 +17,17 @@ from localization.odometry import OdometryNoise, OdometryStep
 from maps.outcomes import SearchWindow
 from maps.regioncache import cached_regions
 from runs.live import LiveLocalizer, Seen
-from runs.session import Frame, RecordedFix, Session, read_session
-from vision.images import read_image
+from runs.opening import open_session
+from runs.session import Frame, RecordedFix, Session
 from vision.matcher import LineMatcher
 
 
-def main(folder: Path, speed: float = 1.0, told: bool = False) -> LiveLocalizer:
+def main(path: Path, speed: float = 1.0, told: bool = False) -> LiveLocalizer:
     """Play a session, and tell what happens; `told`: where the robot starts, else it finds out."""
-    session = read_session(folder)
+    session = open_session(path)
     matcher = matcher_of(session)
     # The first search everywhere takes seconds: what can be seen from where is worked out once.
-    matcher.match(read_image(session.frames[0].path), 0, SearchWindow.everywhere())
+    matcher.match(session.frames[0].image(), 0, SearchWindow.everywhere())
     localizer = Localizer(session.initial if told else None)
     with LiveLocalizer(localizer, matcher, watcher=tell) as live:
         play(session, live, speed)
@@ -58,7 +59,7 @@ def play(session: Session, live: LiveLocalizer, speed: float) -> None:
             case OdometryStep():
                 live.on_odometry(event)
             case Frame():
-                live.on_image(read_image(event.path), event.stamp_ns)
+                live.on_image(event.image(), event.stamp_ns)
                 if speed == 0.0:
                     live.wait()
             case RecordedFix():

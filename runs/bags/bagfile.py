@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping
 from enum import StrEnum
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from runs.bags.opening import require_rosbags
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection, Qos
+    from rosbags.typesys.store import Typestore
 
 
 #: ROS 1 keeps it outside its common messages.
@@ -41,14 +43,10 @@ class BagFile:
     def __init__(self, path: Path, kind: BagKind) -> None:
         """InputError where the path holds something already; MissingExtraError without rosbags."""
         require_rosbags()
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
         self.path, self._kind = path.resolve(), kind
         self._single = kind is BagKind.ROS1 or path.suffix in (".mcap", ".db3")
         self._partial = self.path.with_name(f"{self.path.name}.partial")
-        self._types = get_typestore(Stores.ROS1_NOETIC if kind is BagKind.ROS1 else Stores.ROS2_HUMBLE)
-        if kind is BagKind.ROS1:
-            self._types.register(get_types_from_msg(_TF_MESSAGE, "tf2_msgs/msg/TFMessage"))
+        self._types = _types_of(kind)
         self._connections: dict[str, Connection] = {}
         if path.exists() and (path.is_file() or any(path.iterdir())):
             raise InputError(path, "", "is there already")
@@ -145,6 +143,18 @@ class BagFile:
             if self.path.exists():
                 self.path.rmdir()
             self._writer.path.replace(self.path)
+
+
+@cache
+def _types_of(kind: BagKind) -> Typestore:
+    """Return what messages are made of; kept, for the code that writes them takes a while to be made."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    if kind is not BagKind.ROS1:
+        return get_typestore(Stores.ROS2_HUMBLE)
+    types = get_typestore(Stores.ROS1_NOETIC)
+    types.register(get_types_from_msg(_TF_MESSAGE, "tf2_msgs/msg/TFMessage"))
+    return types
 
 
 def header(stamp_ns: int, frame: str) -> dict[str, Any]:

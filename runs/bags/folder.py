@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from maps.documents import read_text, read_yaml
+from runs.bags.opening import is_bag
 from runs.results import StagedFolder, seconds
 from runs.robot import DISTORTION_KEYS, Robot, Start
 from runs.robotfile import with_block
@@ -35,9 +36,9 @@ def write_folder(session: Session, out: Path, progress: Progress) -> None:
     with StagedFolder(out) as folder:
         (folder / "robot.yaml").write_text(robot_text(session.robot), encoding="utf-8")
         copy_beside(session, folder)
-        _write_odometry(folder / "odometry.csv", session)
+        write_odometry(folder / "odometry.csv", session)
         if session.fixes:
-            _write_fixes(folder / "fixes.csv", session)
+            write_fixes(folder / "fixes.csv", session)
         if session.frames:
             _write_frames(folder, session, progress)
 
@@ -53,8 +54,7 @@ def copy_beside(session: Session, folder: Path) -> None:
 
 def robot_text(robot: Robot) -> str:
     """Return the robot file's text, with what was found elsewhere added to it."""
-    is_file = robot.path.suffix == ".yaml" and robot.path.is_file()
-    text, known = (read_text(robot.path), read_yaml(robot.path)) if is_file else ("", {})
+    text, known = ("", {}) if is_bag(robot.path) else (read_text(robot.path), read_yaml(robot.path))
     added: dict[str, dict[str, Any]] = {}
     if robot.camera is not None and not known.get("camera"):
         added["camera"] = _camera_keys(robot.camera)
@@ -92,13 +92,15 @@ def _start_keys(start: Start) -> dict[str, Any]:
     return {key: float(value) for key, value in keys.items()}
 
 
-def _write_odometry(path: Path, session: Session) -> None:
+def write_odometry(path: Path, session: Session) -> None:
+    """Write odometry.csv, its values as they were recorded."""
     odometry = session.odometry
     columns = WHEEL_COLUMNS if odometry.wheels is not None else TWIST_COLUMNS
     _write(path, columns, odometry.stamps_ns, odometry.arrivals_ns, raw_values(session).tolist())
 
 
-def _write_fixes(path: Path, session: Session) -> None:
+def write_fixes(path: Path, session: Session) -> None:
+    """Write fixes.csv."""
     columns = ("x_m", "y_m", "phi_rad", "std_x_m", "std_y_m", "std_phi_rad")
     rows = []
     for recorded in session.fixes:

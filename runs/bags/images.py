@@ -62,7 +62,8 @@ class Album:
         key = received_ns, stamp_ns
         with self._lock:
             if key not in self._recent:
-                self._recent[key] = self._file(self._message(stamp_ns, received_ns))
+                with told(self._bag):
+                    self._recent[key] = self._file(self._message(stamp_ns, received_ns))
             self._recent.move_to_end(key)
             while len(self._recent) > _KEPT:
                 self._recent.popitem(last=False)
@@ -70,20 +71,19 @@ class Album:
 
     def _message(self, stamp_ns: int, received_ns: int) -> Any:
         """Find a message, reading on from the last one where that is near."""
-        with told(self._bag):
-            reader = self._opened()
-            if self._at_ns is None or not self._at_ns < received_ns < self._at_ns + _AHEAD_NS:
-                connections = [
-                    of for of in reader.connections if (of.topic, of.msgtype) == (self._topic, self._msgtype)
-                ]
-                self._messages = reader.messages(connections, start=received_ns)
-            for _, at_ns, raw in self._messages:
-                self._at_ns = at_ns
-                if at_ns > received_ns:
-                    break
-                if at_ns == received_ns and stamp_ns in (0, header_stamp_ns(raw, reader.is2)):
-                    return reader.deserialize(raw, self._msgtype)
-            self._at_ns = None
+        reader = self._opened()
+        if self._at_ns is None or not self._at_ns < received_ns < self._at_ns + _AHEAD_NS:
+            connections = [
+                of for of in reader.connections if (of.topic, of.msgtype) == (self._topic, self._msgtype)
+            ]
+            self._messages = reader.messages(connections, start=received_ns)
+        for _, at_ns, raw in self._messages:
+            self._at_ns = at_ns
+            if at_ns > received_ns:
+                break
+            if at_ns == received_ns and stamp_ns in (0, header_stamp_ns(raw, reader.is2)):
+                return reader.deserialize(raw, self._msgtype)
+        self._at_ns = None
         raise InputError(self._bag, self._topic, f"the image received at {received_ns / 1e9:.6f} s is gone")
 
     def _opened(self) -> AnyReader:

@@ -41,7 +41,7 @@ def topic_uses(bag: Path, robot_path: Path | None, wanted: Wanted) -> tuple[tupl
     """
     by_wheels = robot_of(bag, robot_path).wheels is not None
     with opened(bag) as reader:
-        topics = listed(reader)
+        topics = listed(bag, reader)
     chosen: dict[Role, Topic] = {}
     question = None
     try:

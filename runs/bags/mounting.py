@@ -17,6 +17,10 @@ from vision.camera import BASE_FROM_OPTICAL, Camera, CameraMount, mount_of
 BASES = ("base_footprint", "base_link", "base", "chassis")
 
 
+#: Beyond any place of a frame; NaN is beyond it too.
+_MOST = 1e9
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Edge:
     parent: str
@@ -36,6 +40,11 @@ class FrameTree:
         for told in message.transforms:
             turn, shift = told.transform.rotation, told.transform.translation
             child, parent = told.child_frame_id.lstrip("/"), told.header.frame_id.lstrip("/")
+            values = np.array([turn.x, turn.y, turn.z, turn.w, shift.x, shift.y, shift.z])
+            if not (np.abs(values) < _MOST).all():
+                # Nobody can say where that is; nobody may ask.
+                self.moving.add(child)
+                continue
             rotation = rotation_of((turn.x, turn.y, turn.z, turn.w))
             edge = _Edge(parent, rotation, np.array([shift.x, shift.y, shift.z]))
             known = self.edges.setdefault(child, edge)

@@ -54,6 +54,10 @@ def opened(path: Path) -> Iterator[AnyReader]:
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
+    from runs.bags.chunks import bound_chunks
+
+    bound_chunks()
+
     if not path.exists():
         raise InputError(path, "", "no such file or folder")
     file = _lone_file(path)

@@ -20,7 +20,7 @@ from maps.poses import Array, Pose2, frozen
 from runs.bags.collecting import Contents, collect
 from runs.bags.images import BagPicture
 from runs.bags.mounting import camera_of_message, mounted
-from runs.bags.opening import opened, stamp_ns
+from runs.bags.opening import opened, stamp_ns, told
 from runs.bags.topics import JOINTS, Role, Topic, Wanted, choose, listed
 from runs.bags.wheels import TwistRows, WheelRows, heading, held_twists
 from runs.robot import Robot, Start, read_robot
@@ -43,7 +43,7 @@ def read_bag(
     wanted = wanted or Wanted()
     robot = robot_of(bag, robot_path)
     with opened(bag) as reader:
-        topics = listed(reader)
+        topics = listed(bag, reader)
         named_joints = any(t.name == wanted.topics.get(Role.ODOMETRY) and t.msgtype == JOINTS for t in topics)
         if named_joints and robot.wheels is None:
             raise InputError(
@@ -54,13 +54,15 @@ def read_bag(
     if Role.ODOMETRY not in chosen:
         kinds = "Odometry, nor JointState with the wheels of a robot.yaml"
         raise InputError(bag, "", f"no odometry: no topic with {kinds}")
-    odometry = _odometry(bag, chosen[Role.ODOMETRY], contents, robot)
-    frames = _frames(bag, chosen.get(Role.IMAGE), contents, robot)
-    fixes = _fixes(bag, chosen.get(Role.FIXES), contents)
-    if frames and robot.camera is None:
-        robot = _with_camera(bag, robot, chosen, contents)
-    if robot.start is None and contents.start is not None:
-        robot = replace(robot, start=_start(bag, chosen[Role.START], contents.start, odometry))
+    # A bag says itself what its messages are made of, which need not be what they should be.
+    with told(bag):
+        odometry = _odometry(bag, chosen[Role.ODOMETRY], contents, robot)
+        frames = _frames(bag, chosen.get(Role.IMAGE), contents, robot)
+        fixes = _fixes(bag, chosen.get(Role.FIXES), contents)
+        if frames and robot.camera is None:
+            robot = _with_camera(bag, robot, chosen, contents)
+        if robot.start is None and contents.start is not None:
+            robot = replace(robot, start=_start(bag, chosen[Role.START], contents.start, odometry))
     return session_of(bag, robot, odometry, frames, fixes, map_path)
 
 

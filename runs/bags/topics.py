@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from maps.errors import InputError
+from runs.bags.opening import told
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -66,15 +67,16 @@ class Topic:
     roles: tuple[Role, ...]
 
 
-def listed(reader: AnyReader) -> tuple[Topic, ...]:
-    """Return a bag's topics by name; one with messages of several types is listed once for each."""
+def listed(bag: Path, reader: AnyReader) -> tuple[Topic, ...]:
+    """Return an open bag's topics by name, one with several types once for each; InputError where it is damaged."""
     grouped: dict[tuple[str, str], list[Connection]] = {}
-    for connection in reader.connections:
-        grouped.setdefault((connection.topic, connection.msgtype), []).append(connection)
-    return tuple(
-        Topic(name, kind, sum(of.msgcount for of in group), tuple(group), _roles(name, kind))
-        for (name, kind), group in sorted(grouped.items())
-    )
+    with told(bag):
+        for connection in reader.connections:
+            grouped.setdefault((connection.topic, connection.msgtype), []).append(connection)
+        return tuple(
+            Topic(name, kind, sum(of.msgcount for of in group), tuple(group), _roles(name, kind))
+            for (name, kind), group in sorted(grouped.items())
+        )
 
 
 def transforms(topics: tuple[Topic, ...]) -> list[Topic]:

@@ -24,7 +24,6 @@ from runs.records import outcome_name
 from runs.session import Frame, Session
 from runs.tracks import interpolate, spread
 from vision.camera import Camera
-from vision.images import read_image
 from vision.lines import LineConfig, extract_segments
 
 
@@ -68,7 +67,7 @@ class SessionStudy:
     def __call__(self, number: int) -> list[Look]:
         """Extract the frame's lines once and let every method look at them."""
         frame, truth = self.frames[number], self.truths[number]
-        image = read_image(frame.path)
+        image = frame.image()
         if image.shape != (self.camera.height, self.camera.width):
             size = f"{image.shape[1]} x {image.shape[0]} px"
             raise InputError(
@@ -116,9 +115,9 @@ def session_study(
     """Choose frames with a known pose, evenly over the session; InputError where there are none."""
     truth = read_truth(session.folder)
     if truth is None:
-        raise InputError(session.folder / "ground_truth.csv", "", "no such file: nothing to judge poses by")
+        raise InputError(session.folder, "", "no ground_truth.csv in it: nothing to judge poses by")
     if not session.frames or session.camera is None:
-        raise InputError(session.folder / "frames.csv", "", "no images to match")
+        raise InputError(session.folder, "", "no images to match")
     poses = interpolate(np.array([frame.stamp_ns for frame in session.frames]), truth)
     known = np.flatnonzero(np.isfinite(poses).all(axis=1))
     if not len(known):

@@ -6,7 +6,10 @@ whatever order they are made.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, TypeVar
 
@@ -31,7 +34,7 @@ def run_trials(
     """Return trial(0) ... trial(count - 1), in this order.
 
     `trial` must be picklable for more than one worker, or for `scheduler`, the address of a Dask cluster.
-    MissingExtraError without the libraries, InputError where no scheduler answers.
+    MissingExtraError without the libraries, InputError where no scheduler answers, or workers are lost.
     """
     results: dict[int, T] = {}
     progress(0, count)
@@ -58,8 +61,11 @@ def _on_cores(trial: Callable[[int], T], count: int, workers: int) -> Iterator[t
     except ModuleNotFoundError:
         raise MissingExtraError(f"--workers {workers} {_HINT}") from None
     pool = Parallel(n_jobs=workers, return_as="generator_unordered")
-    made: Iterator[tuple[int, T]] = pool(delayed(_numbered)(trial, number) for number in range(count))
-    return made
+    try:
+        yield from pool(delayed(_numbered)(trial, number) for number in range(count))
+    except BrokenExecutor:
+        what = "a process was ended from outside, most often for want of memory: try fewer"
+        raise InputError("--workers", str(workers), what) from None
 
 
 def _on_cluster(trial: Callable[[int], T], count: int, scheduler: str) -> Iterator[tuple[int, T]]:
@@ -71,12 +77,31 @@ def _on_cluster(trial: Callable[[int], T], count: int, scheduler: str) -> Iterat
         client = distributed.Client(scheduler, timeout=_CONNECT_S)
     except (OSError, ValueError) as error:
         raise InputError("--scheduler", scheduler, f"no cluster answers there ({error})") from None
-    with client:
-        # Sent once to every worker: the map and its regions are in it.
-        sent = client.scatter(trial, broadcast=True)
+    with _silent("distributed"), client:
+        # Sent once: the map and its regions are in it. A task, that a worker's end does not lose it.
+        sent = client.submit(_itself, trial, pure=False)
         futures = [client.submit(_numbered, sent, number, pure=False) for number in range(count)]
-        for future in distributed.as_completed(futures):
-            yield future.result()
+        try:
+            for future in distributed.as_completed(futures):
+                yield future.result()
+        except (CancelledError, distributed.KilledWorker, distributed.comm.CommClosedError) as error:
+            raise InputError("--scheduler", scheduler, f"the cluster was lost ({error})") from None
+
+
+@contextmanager
+def _silent(library: str) -> Iterator[None]:
+    """Keep a library from logging what is told here in one line."""
+    logger = logging.getLogger(library)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+def _itself(trial: T) -> T:
+    return trial
 
 
 def _numbered(trial: Callable[[int], T], number: int) -> tuple[int, T]:

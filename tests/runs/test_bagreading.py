@@ -40,6 +40,7 @@ STATIC = (
     transform("base_link", "mast", (0.3, 0.05, 0.5)),
     transform("mast", "camera_optical", (0.0, 0.0, 0.4), MOUNT),
 )
+NOWHERE = transform("mast", "camera_optical", (0.0, 0.0, 0.4), (0.0, 0.0, 0.0, math.inf))
 
 
 def straight(seconds=4, hz=10, start_s=100.0):
@@ -213,6 +214,11 @@ def replaced(topic, at, fields):
         ("/cam/camera_info", info_fields(distortion_model="omni"), "'omni' is none of"),
         ("/cam/camera_info", info_fields(k=np.zeros(9)), "camera_matrix: not that of a calibrated camera"),
         ("/tf_static", {"transforms": STATIC[:2]}, "no transform from base_link to 'camera_optical'"),
+        (
+            "/tf_static",
+            {"transforms": (*STATIC[:2], NOWHERE)},
+            "no transform from base_link to 'camera_optical'",
+        ),
         (
             "/tf_static",
             {"transforms": (transform("base_link", "camera_optical", (0, 0, 1)),)},

@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from rerun.chunk import RrdReader
 from rosbags.highlevel import AnyReader
 
 from maps.poses import Pose2
+from runs.bags.mounting import rotation_of
 from runs.bags.wheels import heading
 from runs.config import RunConfig
-from runs.folder import read_tum
+from runs.folder import read_steps, read_tum, to_ns
 from runs.opening import Reading, open_session
 from runs.runlog import NullLog
 from runs.runner import run_session
@@ -115,35 +117,99 @@ def test_a_run_on_pictures(wireloc, sample, tmp_path):
     assert sum(chunk.num_rows for chunk in pictures) >= 2
 
 
-def test_results_as_mcap(wireloc, toy, tmp_path):
-    assert wireloc("run", toy, "--out", tmp_path / "out", "--log", "off", "--mcap").code == 0
+def read_messages(path):
+    """Return a bag's messages by topic, each with its receive stamp."""
     said = {}
-    with AnyReader([tmp_path / "out" / "run.mcap"]) as reader:
+    with AnyReader([path]) as reader:
         for connection, at_ns, raw in reader.messages():
             said.setdefault(connection.topic, []).append((at_ns, reader.deserialize(raw, connection.msgtype)))
-    filtered = read_tum(tmp_path / "out" / "filtered.tum")
-    poses = said["/wireloc/pose"]
-    assert [at_ns for at_ns, _ in poses] == filtered.stamps_ns.tolist()
-    found = [
-        (of.pose.pose.position.x, of.pose.pose.position.y, heading(of.pose.pose.orientation))
-        for _, of in poses
-    ]
-    np.testing.assert_allclose(found, filtered.poses, atol=1e-8)
-    covariance = poses[-1][1].pose.covariance.reshape(6, 6)
-    assert (np.linalg.eigvalsh(covariance[np.ix_([0, 1, 5], [0, 1, 5])]) > 0.0).all()
+    return said
+
+
+def beliefs_of(told, frame):
+    """Return stamps (N,), poses (N, 3) and covariances (N, 3, 3) of messages with poses, in a frame."""
+    rows, known = [], np.array([0, 1, 5])
+    for at_ns, message in told:
+        stamp = message.header.stamp
+        assert (stamp.sec * 10**9 + stamp.nanosec, message.header.frame_id) == (at_ns, frame)
+        pose = message.pose.pose
+        assert pose.position.z == 0.0
+        whole = message.pose.covariance.reshape(6, 6)
+        assert np.count_nonzero(whole) == np.count_nonzero(whole[np.ix_(known, known)])
+        at = (pose.position.x, pose.position.y, heading(pose.orientation))
+        rows.append((at_ns, at, whole[np.ix_(known, known)]))
+    return [np.array(part) for part in zip(*rows, strict=True)]
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_results_as_mcap(wireloc, toy, tmp_path, lost):
+    out, options = tmp_path / "out", ("--log", "off", "--mcap", *(("--lost",) if lost else ()))
+    assert wireloc("run", toy, "--out", out, *options).code == 0
+    said = read_messages(out / "run.mcap")
+    # The same run again: what files do not tell, its result does.
+    session = open_session(toy)
+    session = replace(session, initial=None) if lost else session
+    tracks = run_session(session, RunConfig(), NullLog(), lambda *_: None).trajectories
+    told = {
+        "/wireloc/pose": tracks.filtered,
+        "/wireloc/fix": tracks.vision,
+        "/wireloc/smoothed": tracks.smoothed,
+    }
+    for topic, track in told.items():
+        stamps_ns, poses, covariances = beliefs_of(said[topic], "map")
+        assert len(track) > 5
+        assert (stamps_ns == track.stamps_ns).all()
+        np.testing.assert_allclose(poses, track.poses, rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(covariances, track.covariances, rtol=1e-9, atol=0.0)
     places = {}
     for at_ns, message in said["/tf"]:
-        for told in message.transforms:
-            shift, turn = told.transform.translation, heading(told.transform.rotation)
-            places[at_ns, told.header.frame_id, told.child_frame_id] = Pose2(shift.x, shift.y, turn)
+        for one in message.transforms:
+            shift, turn = one.transform.translation, heading(one.transform.rotation)
+            places[at_ns, one.header.frame_id, one.child_frame_id] = Pose2(shift.x, shift.y, turn)
+    filtered, odometry = read_tum(out / "filtered.tum"), read_tum(out / "odometry.tum")
     for at_ns, pose in zip(filtered.stamps_ns.tolist(), filtered.poses, strict=True):
         chain = places[at_ns, "map", "odom"] @ places[at_ns, "odom", "base_footprint"]
         np.testing.assert_allclose(chain.as_array(), pose, atol=1e-8)
-    assert len(said["/wireloc/fix"]) == len(said["/diagnostics"]) == 8
-    assert len(said["/wireloc/smoothed"]) == len(filtered)
-    status = said["/diagnostics"][-1][1].status[0]
-    assert status.message == "TRACKING FIX FUSED"
-    assert "nis" in [value.key for value in status.values]
+    corrected = {at_ns for at_ns, parent, _ in places if parent == "map"}
+    assert corrected == set(filtered.stamps_ns.tolist()), "nowhere while lost"
+    stamps_ns, poses, _ = beliefs_of(said["/odom"], "odom")
+    assert (stamps_ns == odometry.stamps_ns).all()
+    np.testing.assert_allclose(poses, odometry.poses, atol=1e-8)
+    check_diagnostics(said["/diagnostics"], read_steps(out))
+
+
+def check_diagnostics(said, steps):
+    """Check that the diagnostics tell what steps.csv tells, row by row."""
+    assert len(said) == len(steps) == 8
+    levels = {"TRACKING": 0, "UNCERTAIN": 1, "LOST": 2}
+    for (at_ns, message), step in zip(said, steps, strict=True):
+        (status,) = message.status
+        words = (step["state"], step["outcome"], step["reason"], step["verdict"])
+        assert status.message == " ".join(word for word in words if word)
+        assert (status.level, at_ns) == (levels[step["state"]], to_ns(step["timestamp_s"]))
+        values = {value.key: value.value for value in status.values}
+        assert values.get("nis", "") == step["nis"]
+        assert values["outcome"] == step["outcome"]
+
+
+def test_results_tell_where_the_camera_sits(wireloc, sample, tmp_path):
+    folder = cut_sample(sample, tmp_path / "cut", 1)
+    assert wireloc("run", folder, "--out", tmp_path / "out", "--log", "off", "--mcap").code in (0, 1)
+    ((_, message),) = read_messages(tmp_path / "out" / "run.mcap")["/tf_static"]
+    (told,) = message.transforms
+    mount = read_session(folder).camera.mount
+    place, turn = told.transform.translation, told.transform.rotation
+    assert (told.header.frame_id, place.x, place.y, place.z) == (
+        "base_footprint",
+        mount.x_m,
+        mount.y_m,
+        mount.height_m,
+    )
+    # The optical axis looks ahead, and down by the pitch.
+    axis = rotation_of((turn.x, turn.y, turn.z, turn.w))[:, 2]
+    np.testing.assert_allclose(
+        axis, [np.cos(mount.pitch_down_rad), 0.0, -np.sin(mount.pitch_down_rad)], atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("kind", ["mcap file", "sqlite3 file", "ros1 file"])
@@ -189,6 +255,7 @@ def test_bad_input(wireloc, toy, tmp_path):
     assert "says nothing" in told("session", "convert", bag, tmp_path / "x", "--storage", "mcap")
     assert "no such file" in told("run", tmp_path / "none.bag")
     assert "no such file" in told("session", "topics", tmp_path / "none")
+    assert "a folder with tables, not a bag" in told("session", "topics", toy)
     assert "ROLE=TOPIC" in told("run", bag, "--topic", "picture=/cam")
     assert "LEFT,RIGHT" in told("run", bag, "--joints", "wheel")
     assert "is for bags" in told("run", toy, "--robot", toy / "robot.yaml")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+from itertools import pairwise
 
 import pytest
 import yaml
@@ -55,10 +56,45 @@ def test_a_drive_puts_the_camera_right_and_says_what_it_does_not_show(wireloc, s
     assert after["camera"]["fx"] == before["camera"]["fx"]
 
 
+def test_a_bag_calibrates_as_its_folder_does(wireloc, short, tmp_path):
+    pytest.importorskip("rosbags")
+    bag = tmp_path / "bag"
+    assert wireloc("session", "convert", short, bag).code == 0
+    for source, out in ((short, "one.yaml"), (bag, "other.yaml")):
+        ended = wireloc("calibrate-robot", source, "--out", tmp_path / out, "--config", short / "quick.yaml")
+        assert (ended.code, ended.err) == (0, "")
+    assert (tmp_path / "one.yaml").read_text() == (tmp_path / "other.yaml").read_text()
+
+
+def test_without_a_robot_file_a_whole_one_is_written(wireloc, short, sample, tmp_path):
+    pytest.importorskip("rosbags")
+    twists = tmp_path / "twists"
+    shutil.copytree(short, twists, symlinks=True)
+    rows = [row.split(",") for row in (short / "odometry.csv").read_text().splitlines()[1:]]
+    wheels = yaml.safe_load((short / "robot.yaml").read_text())["wheels"]
+    table = ["timestamp_s,forward_mps,turn_radps"]
+    for (at, *before), (then, *after) in pairwise(rows):
+        left, right = (
+            (float(now) - float(was)) * wheels["radius_m"] / (float(then) - float(at))
+            for now, was in zip(after, before, strict=True)
+        )
+        table.append(f"{at},{0.5 * (left + right)},{(right - left) / wheels['baseline_m']}")
+    (twists / "odometry.csv").write_text("\n".join(table) + "\n")
+    bag, out = tmp_path / "bag", tmp_path / "robot.yaml"
+    assert wireloc("session", "convert", twists, bag).code == 0
+    (bag / "robot.yaml").unlink()
+    ended = wireloc("calibrate-robot", bag, "--out", out, "--config", short / "quick.yaml")
+    assert (ended.code, ended.err) == (0, "")
+    camera, true = read_robot(out).camera, read_robot(sample / "robot.yaml").camera
+    assert (camera.fx, camera.width) == (true.fx, true.width)
+    assert abs(camera.mount.pitch_down_rad - true.mount.pitch_down_rad) < math.radians(0.15)
+    assert "initial_pose" not in out.read_text(), "where one drive began is nothing of the robot's"
+
+
 def test_a_session_without_images_is_refused(wireloc, toy, tmp_path):
     ended = wireloc("calibrate-robot", toy, "--out", tmp_path / "out.yaml")
     assert ended.code == 2
-    assert "frames.csv: no images" in ended.err
+    assert "toy: no images" in ended.err
     assert len(ended.err.splitlines()) == 1
     assert not (tmp_path / "out.yaml").exists()
 

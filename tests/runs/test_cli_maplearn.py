@@ -97,6 +97,21 @@ def test_a_run_teaches_the_map(wireloc: Command, drive: tuple[Path, Path, Path],
     assert plan.read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_bag_teaches_what_its_folder_does(
+    wireloc: Command, drive: tuple[Path, Path, Path], tmp_path: Path
+) -> None:
+    pytest.importorskip("rosbags")
+    house, run, session = drive
+    bag = tmp_path / "drive.mcap"
+    assert wireloc("session", "convert", session, bag).code == 0
+    learnt = [tmp_path / "one.yaml", tmp_path / "other.yaml"]
+    assert wireloc("map", "learn", house, run, "--out", learnt[0]).code == 0
+    (run / "config.yaml").write_text(yaml.safe_dump({"run": {"folder": str(bag)}}))
+    ended = wireloc("map", "learn", house, run, "--out", learnt[1], "--robot", session / "robot.yaml")
+    assert (ended.code, ended.err) == (0, "")
+    assert learnt[0].read_text() == learnt[1].read_text()
+
+
 def test_the_table_names_kinds(wireloc: Command, drive: tuple[Path, Path, Path], tmp_path: Path) -> None:
     house, run, _ = drive
     ended = wireloc("map", "learn", house, run, "--out", tmp_path / "learnt.yaml")

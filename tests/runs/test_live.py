@@ -158,7 +158,7 @@ def test_the_example_plays_a_session(sample, monkeypatch, capsys):
             session, frames=session.frames[:4], odometry=dataclasses.replace(odometry, **parts)
         )
 
-    monkeypatch.setattr(example, "read_session", shortened)
+    monkeypatch.setattr(example, "open_session", shortened)
     live = example.main(sample, speed=0.0)
     truth = (sample / "ground_truth.csv").read_text().splitlines()[4].split(",")
     at = live.pose_at(round(float(truth[0]) * 1e9))

@@ -10,7 +10,7 @@ from localization.odometry import OdometryNoise
 from maps.errors import InputError
 from runs.robot import read_robot
 from runs.robotfile import with_keys
-from runs.robotparameters import Doubts, names_of, prior_of, robot_text, shown_value, unit_of, with_robot
+from runs.robotparameters import Doubts, names_of, prior_of, shown_value, unit_of, with_parameters, with_robot
 from runs.session import read_session
 from runs.templates import ROBOT
 
@@ -46,7 +46,7 @@ def test_a_deviation_that_is_none_is_told(file):
 
 def test_what_was_found_goes_into_a_copy_and_the_rest_stays(file):
     values = {"left_radius_m": 0.0501, "height_m": 1.2345678, "time_offset_s": 0.0123}
-    text = robot_text(file, values, dict.fromkeys(values, 1e-9))
+    text = with_parameters(file.read_text(), file, values, dict.fromkeys(values, 1e-9))
     out = file.with_name("out.yaml")
     out.write_text(text)
     before, after = yaml.safe_load(ROBOT), yaml.safe_load(text)
@@ -61,7 +61,7 @@ def test_what_was_found_goes_into_a_copy_and_the_rest_stays(file):
     assert robot.time_offset_ns == 12_300_000
     assert robot.wheels.left_radius_m == 0.0501
     # Once more, nothing is there twice.
-    again = robot_text(out, values, dict.fromkeys(values, 1e-9))
+    again = with_parameters(out.read_text(), out, values, dict.fromkeys(values, 1e-9))
     assert again == text
 
 

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
 import json
+import os
 import shutil
+import sys
+from types import SimpleNamespace
 
 import pytest
 
 from maps.errors import InputError
+from runs import sweepmark
 from runs.folderlock import sole_writer
 from runs.sweep import Item, Sweep, sweep_items
+from runs.sweepmark import Marks
 from runs.sweepreport import failures, sweep_table
 from runs.sweepstore import open_store, run_sweep, write_results
 
@@ -72,6 +78,50 @@ def test_what_is_done_is_not_done_again_and_what_changed_is(toy, tmp_path, count
     assert len(counted) == 4
 
 
+def test_a_result_is_known_by_all_that_it_hangs_on(toy, tmp_path, monkeypatch):
+    (toy / "images").mkdir()
+    picture = toy / "images" / "0.png"
+    picture.write_bytes(b"12")
+    (tmp_path / "far").mkdir()
+    (tmp_path / "far" / "1.png").write_bytes(b"12")
+    (toy / "linked").symlink_to(tmp_path / "far")
+    (toy / "linked" / "back").symlink_to(toy)
+    (item,) = sweep_items([toy], [], 1, ["none"])
+    marks = [Marks().of(item)]
+    assert Marks().of(item) == marks[0]
+
+    def changes(what):
+        marks.append(Marks().of(item))
+        assert marks[-1] not in marks[:-1], what
+
+    os.utime(picture, ns=(1, 1))
+    changes("a picture changed")
+    (toy / "images" / "0.png").rename(toy / "images" / "2.png")
+    changes("a picture renamed")
+    (tmp_path / "far" / "1.png").write_bytes(b"123")
+    changes("a picture behind a link")
+    (tmp_path / "map.yaml").write_text("segments: []\n")
+    changes("the map one folder up")
+    text = (toy / "fixes.csv").read_text()
+    (toy / "fixes.csv").write_text(text.replace("0.05,0.05", "0.04,0.05"))
+    changes("a table")
+    monkeypatch.setattr("runs.sweepmark._program", lambda: "another estimator")
+    changes("the program")
+
+
+def test_the_program_is_known_by_its_source(tmp_path, monkeypatch):
+    for name in ("maps", "vision", "localization", "runs"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").touch()
+        module = SimpleNamespace(__file__=str(tmp_path / name / "__init__.py"))
+        monkeypatch.setitem(sys.modules, name, module)
+    program = inspect.unwrap(sweepmark._program)
+    before = program()
+    assert program() == before
+    (tmp_path / "vision" / "matcher.py").write_text("GATE = 3\n")
+    assert program() != before
+
+
 def test_a_damaged_result_is_made_anew(toy, tmp_path, counted):
     items = sweep_items([toy], [], 1, ["none"])
     with open_store(tmp_path / "out") as folder:
@@ -103,7 +153,7 @@ def test_a_fault_of_the_program_costs_its_item_alone(toy, monkeypatch, caplog):
     def broken(*_):
         raise ZeroDivisionError("surprise")
 
-    monkeypatch.setattr("runs.sweep.read_session", broken)
+    monkeypatch.setattr("runs.sweep.open_session", broken)
     row = Sweep((Item(str(toy), None, None, 0),))(0)
     assert (row["status"], row["error"]) == ("failed", "ZeroDivisionError: surprise")
     assert "Traceback" in caplog.text
@@ -156,7 +206,9 @@ def test_the_command_writes_results_table_and_plot(wireloc, toy, tmp_path):
     )
     assert ended.code == 0
     assert [row["fault"] for row in json.loads(ended.out)] == ["none", "slip"]
-    assert {path.name for path in out.iterdir()} == {"items", "results.parquet", "summary.md", "sweep.png"}
+    assert {path.name for path in out.iterdir()} == {
+        *("items", "results.parquet", "summary.md", "sweep.png", "faults.md")
+    }
     missing = wireloc("sweep", tmp_path / "nowhere", "--workers", "1", "--out", tmp_path / "none")
     assert missing.code == 1
     assert "nowhere" in missing.err

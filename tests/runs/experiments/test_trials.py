@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 
@@ -35,6 +36,15 @@ def test_two_processes_find_what_one_finds_and_report_progress() -> None:
 def test_bad_input_comes_back_from_other_processes_as_it_is() -> None:
     with pytest.raises(InputError, match=r"^hall.yaml: floor: no room for trial 0$"):
         run_trials(refused, 1, silent, workers=2)
+
+
+def ended(number: int) -> float:  # noqa: ARG001
+    os._exit(3)
+
+
+def test_a_process_that_is_ended_is_told() -> None:
+    with pytest.raises(InputError, match=r"^--workers: 2: a process was ended"):
+        run_trials(ended, 3, silent, workers=2)
 
 
 def test_a_cluster_finds_the_same() -> None:

@@ -1,0 +1,81 @@
+"""Compressed bags: read as others are, and refused where a chunk would fill the memory."""
+
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags")
+
+from bagtoys import drawn, odometry_fields, raw_fields
+from rosbags.rosbag1 import Writer
+
+from maps.errors import InputError
+from maps.poses import Pose2
+from runs.bags import images
+from runs.bags.bagfile import BagFile, BagKind
+from runs.bags.chunks import bound_chunks
+from runs.bags.opening import opened, told
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+IMAGE = drawn(3, 100, 160)
+
+
+@pytest.fixture(params=["BZ2", "LZ4"])
+def bag(request, tmp_path, monkeypatch):
+    """Return a ROS 1 bag with compressed chunks and one picture."""
+    begin = Writer.open
+
+    def compressed(self):
+        self.set_compression(Writer.CompressionFormat[request.param])
+        begin(self)
+
+    monkeypatch.setattr(Writer, "open", compressed)
+    images._album.cache_clear()
+    path = tmp_path / "drive.bag"
+    with BagFile(path, BagKind.ROS1) as bag:
+        bag.add("/camera/image_raw", "sensor_msgs/msg/Image")
+        bag.add("/odom", "nav_msgs/msg/Odometry")
+        bag.write("/camera/image_raw", 10**9, raw_fields(10**9, IMAGE))
+        bag.write("/odom", 10**9, odometry_fields(10**9, Pose2(0.0, 0.0, 0.0)))
+    return path
+
+
+def pictures(path):
+    """Return the pixels of a bag's images."""
+    with opened(path) as reader, told(path):
+        found = [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages()
+            if connection.topic.endswith("image_raw")
+        ]
+    return [np.asarray(message.data).reshape(message.height, message.width) for message in found]
+
+
+def test_compressed_chunks_are_read(bag):
+    (picture,) = pictures(bag)
+    assert (picture == IMAGE).all()
+
+
+def test_a_chunk_that_grows_too_large_is_refused(bag, monkeypatch):
+    monkeypatch.setattr("runs.bags.chunks.MOST_BYTES", 10_000)
+    with pytest.raises(InputError, match=r"drive\.bag: a damaged bag \(ValueError a chunk of more than"):
+        pictures(bag)
+
+
+def test_so_it_is_in_mcap(monkeypatch):
+    from rosbags.rosbag2 import storage_mcap
+
+    bound_chunks()
+    content = bytes(10**6)
+    packed = zstd.compress(content)
+    assert storage_mcap.decompress(packed, "zstd", len(content), 0) == content
+    with pytest.raises(EOFError, match="half"):
+        storage_mcap.decompress(packed[:-4], "zstd", len(content), 0)
+    monkeypatch.setattr("runs.bags.chunks.MOST_BYTES", 10_000)
+    with pytest.raises(ValueError, match="more than"):
+        storage_mcap.decompress(packed, "zstd", len(content), 0)
