@@ -122,6 +122,9 @@ class OdometryNoise:
     `wheel_slip`, `twist_slip`: where the wheels do not grip, variances are so many times more: 2 cm after a
     metre, 10 cm for twists, whose variances know a good deal of it already.
     `sideways_share`: of the forward variance; slip in turns.
+    `swerve_radps2`: how fast the rate of a turn may change within a step of wheels, of which nobody sees more than
+    its ends: next to nothing between rows 20 ms apart, a good deal where rows are lost for seconds. It leads no
+    farther aside than `most_swerve` of the way.
     `floor_m2_per_s`, `floor_rad2_per_s`: 0.5 mm and 0.03 degrees after a second, moving or not. At
     standstill one view, and so one error, comes again and again: averaging must not trust it.
 
@@ -142,6 +145,8 @@ class OdometryNoise:
     wheel_slip: float = 10.0
     twist_slip: float = 15.0
     sideways_share: float = 0.1
+    swerve_radps2: float = 2.0
+    most_swerve: float = 0.25
     floor_m2_per_s: float = 2.5e-7
     floor_rad2_per_s: float = 2.5e-7
     radius_share: float = 0.005
@@ -171,7 +176,10 @@ def wheel_step(
     # Variances of the wheels' rolls, to the middle and to the turn: (l + r)/2 and (r - l)/b.
     left_m2, right_m2 = noise.wheel_m2_per_m * abs(left_m), noise.wheel_m2_per_m * abs(right_m)
     cross = 0.5 * (right_m2 - left_m2) / baseline_m
-    random = ((0.25 * (left_m2 + right_m2), cross), (cross, (left_m2 + right_m2) / baseline_m**2))
+    swerve_m = _swerve_m(forward_m, (stamp_ns - start_ns) * 1e-9, noise)
+    # Who swerves does not only end aside, but also nearer.
+    middle_m2 = 0.25 * (left_m2 + right_m2) + (0.3 * swerve_m) ** 2
+    random = ((middle_m2, cross), (cross, (left_m2 + right_m2) / baseline_m**2))
     left_off = left_rad * _known(geometry.std_left_radius_m, noise.radius_share * geometry.left_radius_m)
     right_off = right_rad * _known(geometry.std_right_radius_m, noise.radius_share * geometry.right_radius_m)
     narrow = _known(geometry.std_baseline_m, noise.baseline_share * baseline_m) / baseline_m
@@ -180,7 +188,16 @@ def wheel_step(
         (-left_off / baseline_m, right_off / baseline_m, -narrow * turn_rad, 0.0),
         (0.0, 0.0, 0.0, noise.crab_rad * forward_m),
     )
-    return _step(start_ns, stamp_ns, (forward_m, turn_rad), random, systematic, noise, noise.wheel_slip)
+    motion = forward_m, turn_rad
+    return _step(start_ns, stamp_ns, motion, random, systematic, noise, noise.wheel_slip, swerve_m)
+
+
+def _swerve_m(forward_m: float, seconds: float, noise: OdometryNoise) -> float:
+    """Return how far aside of its arc's end a step may end that turned early or late, one standard deviation.
+
+    A turn rate that changes evenly by a dt bends the way by v a dt^3 / 12 at its end, against the mean rate's arc.
+    """
+    return abs(forward_m) * min(noise.swerve_radps2 * seconds**2 / 12.0, noise.most_swerve)
 
 
 def twist_step(
@@ -221,6 +238,7 @@ def _step(
     systematic: Array | tuple[tuple[float, ...], ...],
     noise: OdometryNoise,
     slip: float = 0.0,
+    swerve_m: float = 0.0,
 ) -> OdometryStep:
     """Return a step with the floor under its random errors."""
     seconds = (stamp_ns - start_ns) * 1e-9
@@ -231,7 +249,7 @@ def _step(
         stamp_ns,
         *motion,
         np.array([[forward_m2 + floor_m2, cross], [cross, turn_rad2 + floor_rad2]]),
-        noise.sideways_share * forward_m2 + floor_m2,
+        noise.sideways_share * forward_m2 + swerve_m**2 + floor_m2,
         np.asarray(systematic),
         seconds / noise.memory_s,
         slip,

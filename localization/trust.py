@@ -12,7 +12,7 @@ from localization.verdicts import Fused, Missed, Refusal, Rejected, Relocalized,
 from maps.outcomes import PoseBelief
 
 #: One look strains no more than this, and more than so much in all is not remembered: some good fixes end it.
-_MOST_PULL, _MOST_STRAIN = 0.8, 2.0
+_MOST_PULL, _MOST_STRAIN = 0.8, 1.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,8 @@ class TrustConfig:
     less likely than this.
     `share`: nor one found while lost by fewer looks, up to `most_views`, than this share of those that have found
     something else or nothing since. Where most find nothing the map may be another building's, and what fits some
-    of them does so by chance: until a place has been shown by `proven` looks it is `unproven_share` of the others.
+    of them does so by chance: until a place has been shown by `proven` looks it is `unproven_share` of the others,
+    against a place that was told `told_share`.
     `patience`: a place is given up after so many looks on end that it did not explain, and one more for each that it
     did, up to `most_patience`. One that was told, and that nothing has shown, is soon given up; one that has been
     tracked lives on by odometry.
@@ -41,7 +42,8 @@ class TrustConfig:
     switch: float = 2.0
     lost: float = 0.2
     share: float = 0.3
-    unproven_share: float = 1.5
+    unproven_share: float = 0.5
+    told_share: float = 1.5
     proven: float = 8.0
     most_views: float = 6.0
     patience: float = 6.0
@@ -151,7 +153,8 @@ class Mind:
             return None, False
         best, old = hypotheses.places[0], hypotheses.named(self.leader)
         others = self.unexplained + 1.0 - best.views
-        share = trust.share if self.proven else trust.unproven_share
+        unproven = trust.told_share if self.trusted else trust.unproven_share
+        share = trust.share if self.proven else unproven
         views = min(max(trust.views, share * others), trust.most_views)
         if self.trusted and old is not None:
             rival = next((place for place in hypotheses.places if place.views >= views), old)

@@ -133,7 +133,7 @@ def test_prediction_is_linearized_as_it_moves():
 def test_a_wheel_that_is_too_small_is_found_out():
     """The left wheel 1 % larger than the file says: fixes on the true way show it, and little else."""
     true, told = WheelGeometry(0.0505, 0.05, 0.3), WheelGeometry(0.05, 0.05, 0.3, 5e-4, 5e-4, 3e-3)
-    noise = OdometryNoise(wheel_m2_per_m=1e-7, memory_s=1e6)
+    noise = OdometryNoise(wheel_m2_per_m=1e-7, swerve_radps2=0.0, memory_s=1e6)
     pose = Pose2(0.0, 0.0, 0.0)
     estimate = Estimate.of(PoseBelief(0, pose, 1e-6 * np.eye(3)))
     for i in range(40):

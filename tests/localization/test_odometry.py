@@ -76,10 +76,35 @@ def test_wheel_step_on_unequal_wheels():
 
 
 def test_wheel_noise_is_that_of_each_wheel():
-    noise = OdometryNoise(wheel_m2_per_m=0.01, floor_m2_per_s=0.0, floor_rad2_per_s=0.0)
+    noise = OdometryNoise(wheel_m2_per_m=0.01, floor_m2_per_s=0.0, floor_rad2_per_s=0.0, swerve_radps2=0.0)
     step = wheel_step(0, SECOND_NS, 0.0, -2.0, WheelGeometry(0.5, 0.5, 0.5), noise)
     # Only the right wheel rolled, 1 m: it moves the middle by half of its error, and turns by twice it.
     assert step.covariance == pytest.approx(0.01 * np.array([[0.25, 1.0], [1.0, 4.0]]))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "aside_m"), [(0.02, 2.0 * 0.02**3 / 12.0), (1.0, 2.0 / 12.0), (10.0, 2.5)]
+)
+def test_nobody_sees_the_way_between_two_rows(seconds, aside_m):
+    """A turn that came early or late: nothing at any usual rate, a quarter of the way where rows are lost."""
+    noise = OdometryNoise(wheel_m2_per_m=0.0, floor_m2_per_s=0.0, floor_rad2_per_s=0.0)
+    turned = 10.0 * seconds
+    step = wheel_step(0, round(seconds * SECOND_NS), turned, turned, WheelGeometry(0.1, 0.1, 0.5), noise)
+    assert math.sqrt(step.sideways_m2) == pytest.approx(aside_m, rel=0.01)
+    assert math.sqrt(step.covariance[0, 0]) == pytest.approx(0.3 * aside_m, rel=1e-6)
+    assert step.covariance[1, 1] == 0.0
+
+
+def test_the_end_of_a_turn_that_quickens_is_as_far_aside_as_is_said():
+    noise, seconds = OdometryNoise(wheel_m2_per_m=0.0, floor_m2_per_s=0.0), 1.0
+    pose, parts = Pose2(0.0, 0.0, 0.0), 1000
+    for part in range(parts):
+        rate = noise.swerve_radps2 * ((part + 0.5) / parts - 0.5) * seconds
+        arc = OdometryStep(part, part + 1, 1.0 / parts, rate * seconds / parts, np.zeros((2, 2)))
+        pose = advance(pose, arc)
+    step = wheel_step(0, SECOND_NS, 10.0, 10.0, WheelGeometry(0.1, 0.1, 0.5), noise)
+    assert pose.phi == pytest.approx(0.0, abs=1e-9)
+    assert abs(pose.y) == pytest.approx(math.sqrt(step.sideways_m2), rel=0.02)
 
 
 @pytest.mark.parametrize(

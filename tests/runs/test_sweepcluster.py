@@ -10,11 +10,11 @@ import time
 import warnings
 
 import pytest
-from conftest import write_toy
 
 from maps.errors import InputError
 from runs.sweep import sweep_items
 from runs.sweepstore import open_store, run_sweep
+from tests.conftest import write_toy
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
