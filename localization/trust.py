@@ -152,12 +152,16 @@ class Mind:
         if not hypotheses.places:
             return None, False
         best, old = hypotheses.places[0], hypotheses.named(self.leader)
-        others = self.unexplained + 1.0 - best.views
-        unproven = trust.told_share if self.trusted else trust.unproven_share
-        share = trust.share if self.proven else unproven
-        views = min(max(trust.views, share * others), trust.most_views)
+        views = self._views_needed(best, trust)
         if self.trusted and old is not None:
             rival = next((place for place in hypotheses.places if place.views >= views), old)
             if old.weight >= max(trust.lost, rival.weight / trust.switch):
                 return old.name, True
         return best.name, best.views >= views and best.weight >= trust.sure
+
+    def _views_needed(self, place: Hypothesis, trust: TrustConfig) -> float:
+        """Return how many looks must show a place, by how many others did not."""
+        others = self.unexplained + 1.0 - place.views
+        unproven = trust.told_share if self.trusted else trust.unproven_share
+        share = trust.share if self.proven else unproven
+        return min(max(trust.views, share * others), trust.most_views)

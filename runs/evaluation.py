@@ -65,7 +65,9 @@ def evaluate(session: Session, result: RunResult, truth: Trajectory | None) -> d
         "second_pass": _second_pass(result, truth),
         "states": states,
         "availability": 1.0 - states[State.LOST.value] / total if total else None,
-        "tracking_wrong_s": tracking_wrong_s(result.spans, tracks.filtered, filtered) if truth else None,
+        "tracking_wrong_s": (
+            tracking_wrong_s(result.spans, wrong_stamps(tracks.filtered, filtered)) if truth else None
+        ),
         "timing_ms": _timing(result),
     }
 
@@ -139,20 +141,20 @@ def _observable(session: Session) -> set[str] | None:
     return seen & {frame.filename for frame in session.frames}
 
 
-def tracking_wrong_s(
-    spans: Sequence[StateSpan], filtered: Trajectory, errors: Errors, since_ns: int | None = None
-) -> float:
-    """Return the longest time on end in TRACKING with the published pose wrong, from `since_ns` on if told."""
-    far = (errors.position_m > WRONG_POSE_M) | (errors.heading_rad > WRONG_POSE_RAD)
-    wrong_ns = set(filtered.stamps_ns[far].tolist())
+def tracking_wrong_s(spans: Iterable[StateSpan], wrong_ns: set[int]) -> float:
+    """Return the longest time on end in TRACKING with the published pose wrong: at these stamps."""
     longest = lasting = 0
     for span in spans:
-        if since_ns is not None and span.start_ns < since_ns:
-            continue
         wrong = span.state is State.TRACKING and span.stamp_ns in wrong_ns
         lasting = lasting + span.stamp_ns - span.start_ns if wrong else 0
         longest = max(longest, lasting)
     return longest / 1e9
+
+
+def wrong_stamps(track: Trajectory, errors: Errors) -> set[int]:
+    """Return the stamps [ns] at which a track's pose is wrong, by its errors."""
+    far = (errors.position_m > WRONG_POSE_M) | (errors.heading_rad > WRONG_POSE_RAD)
+    return set(track.stamps_ns[far].tolist())
 
 
 def _timing(result: RunResult) -> dict[str, Any]:

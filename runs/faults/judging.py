@@ -17,6 +17,7 @@ from runs.evaluation import (
     WRONG_FIX_RAD,
     WRONG_POSE_M,
     WRONG_POSE_RAD,
+    wrong_stamps,
 )
 from runs.faults.recording import Recording, Span
 from runs.runlog import StepRecord, Trajectory
@@ -67,7 +68,7 @@ def judged(
         good -= _obscured_stamps(faulty, truth)
     looks = sorted(record.arrival_ns for record in result.records if record.stamp_ns in good)
     filtered = result.trajectories.filtered
-    wrong_s = wrong_unawares_s(result.spans, _wrong_stamps(filtered, truth), looks)
+    wrong_s = wrong_unawares_s(result.spans, wrong_stamps(filtered, errors_of(filtered, truth)), looks)
     recovered = None if span.end_ns >= faulty.span.end_ns else _recovered(result, span, good, truth)
     return Judgement(wrong_s, _wrong_looks(result, good, truth), recovered, lost[0] if lost else None)
 
@@ -99,12 +100,6 @@ def wrong_unawares_s(spans: Iterable[StateSpan], wrong_ns: set[int], looks_ns: S
         lasting = lasting + span.stamp_ns - span.start_ns if unawares else 0
         longest = max(longest, lasting)
     return longest / 1e9
-
-
-def _wrong_stamps(track: Trajectory, truth: Trajectory) -> set[int]:
-    errors = errors_of(track, truth)
-    far = (errors.position_m > WRONG_POSE_M) | (errors.heading_rad > WRONG_POSE_RAD)
-    return set(track.stamps_ns[far].tolist())
 
 
 def _wrong_looks(result: RunResult, good: set[int], truth: Trajectory) -> int:
