@@ -11,8 +11,8 @@ from localization.sightings import Sighting
 from localization.verdicts import Fused, Missed, Refusal, Rejected, Relocalized, Verdict
 from maps.outcomes import PoseBelief
 
-#: One look strains no more than this, and more than so much in all is not remembered: some good fixes end it.
-_MOST_PULL, _MOST_STRAIN = 0.8, 1.3
+#: One look strains no more than this.
+_MOST_PULL = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,9 @@ class TrustConfig:
     tracked lives on by odometry.
     `usual_nis`, `bearable_nis`: squared innovations above the first add up (Page's cumulative sum, Biometrika 1954);
     once they come to the second, fixes have been pulling at the belief for longer than chance would have them: it may
-    have slipped to where lines happen to fit. Then elsewhere is `strained` as likely at least. Beyond `outlier_nis`,
-    twice the gate, a fix is an outlier, which does not pull.
+    have slipped to where lines happen to fit. Then elsewhere is `strained` as likely at least, until a look that
+    searched farther off found nothing better. Beyond `outlier_nis`, twice the gate, a fix is an outlier, which does
+    not pull.
     """
 
     sure: float = 0.8
@@ -133,12 +134,14 @@ class Mind:
         return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained, strain, self.proven), verdict
 
     def _strained_by(self, verdict: Verdict, trust: TrustConfig) -> float:
-        """Return the strain after a look."""
+        """Return the strain after a look; none once a search farther off has come back to the same place."""
+        if self.strained and isinstance(verdict, Fused):
+            return 0.0
         nis = verdict.nis if isinstance(verdict, Fused | Rejected) else None
         if nis is None or nis > trust.outlier_nis:
             return self.strain
         pulled = (nis - trust.usual_nis) / trust.bearable_nis
-        return min(max(self.strain + min(pulled, _MOST_PULL), 0.0), _MOST_STRAIN)
+        return max(self.strain + min(pulled, _MOST_PULL), 0.0)
 
     def _unfused(self, sighting: Sighting) -> Verdict:
         """Return why a look was not fused; one place is told how far off it was."""

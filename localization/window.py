@@ -34,9 +34,9 @@ class WindowConfig:
     the belief itself is in doubt, up to `largest_growth`.
     `doubt`: where the leading place is wrong with more probability than this, search everywhere too; two
     images that do not show what they should make it so. `unexplained`: so many looks on end that were not fused,
-    with something to see, do too: where nothing is expected, nothing can be missing. Fixes that strain the belief do
-    as well, and have it searched for within `aside_m` and `aside_rad`: slipped wheels lead no farther. `least`:
-    places of less probability are not searched for, nor more than `most`.
+    with something to see, do too: where nothing is expected, nothing can be missing. A place that fixes strain is
+    searched for within `aside_m` and `aside_rad`: slipped wheels lead no farther. `least`: places of less probability
+    are not searched for, nor more than `most`.
     """
 
     probability: float = 0.999
@@ -77,10 +77,12 @@ def search_windows(mind: Mind, config: WindowConfig) -> tuple[SearchWindow, ...]
     windows = [
         window_about(place.estimate.belief, misses, config) for place, misses in growths[: config.most]
     ]
+    doubtful = leading.weight < 1.0 - config.doubt
     if mind.strained:
+        # Far away there is always something that fits: what pulls is near.
         windows.append(SearchWindow(leading.estimate.pose, config.aside_m, config.aside_rad))
-    doubtful = leading.weight < 1.0 - config.doubt or mind.unexplained >= config.unexplained or mind.strained
-    if not mind.trusted or doubtful:
+        doubtful = False
+    if not mind.trusted or doubtful or mind.unexplained >= config.unexplained:
         windows.append(SearchWindow.everywhere())
     return tuple(sorted(dict.fromkeys(windows), key=lambda window: (window.dt_m, window.dphi_rad)))
 

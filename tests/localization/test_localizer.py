@@ -259,34 +259,35 @@ def test_fixes_that_keep_pulling_strain_the_belief_until_others_fit_better():
         localizer.fuse(seen(second + 1.0, x=1.0 + 0.02 * (-1.0) ** second))
     assert localizer.state is State.TRACKING
     (narrow,) = localizer.windows_at(20 * SECOND_NS)
-    strained = []
-    for second in range(20, 24):
+    second = 20
+    while localizer.state is State.TRACKING:
         localizer.predict(still(second, second + 1))
         localizer.fuse(seen(second + 1.0, x=1.15 if second % 2 else 0.8))
-        strained.append(Doubt.STRAINED in localizer.diagnosis.doubts)
-    assert not strained[0]
-    assert strained[-1]
-    assert localizer.state is State.UNCERTAIN
-    about, aside, everywhere = localizer.windows_at(24 * SECOND_NS)
+        second += 1
+    assert second in (22, 23)
+    assert Doubt.STRAINED in localizer.diagnosis.doubts
+    about, aside = localizer.windows_at(second * SECOND_NS)
     assert about.dt_m < 2.0 * narrow.dt_m
     assert (aside.centre, aside.dt_m) == (about.centre, LocalizerConfig().window.aside_m)
-    assert everywhere == SearchWindow.everywhere()
     # What was slipped to wins with the second look.
-    for second, verdict in ((24, Rejected), (25, Relocalized)):
+    for verdict in (Rejected, Relocalized):
         localizer.predict(still(second, second + 1))
-        assert isinstance(localizer.fuse(seen(second + 1.0, x=1.6)), verdict)
+        second += 1
+        assert isinstance(localizer.fuse(seen(second, x=1.6)), verdict)
     assert localizer.state is State.TRACKING
     assert localizer.belief.pose.x == pytest.approx(1.6, abs=0.05)
 
 
-def test_fixes_that_fit_again_end_the_strain():
-    localizer = Localizer(KNOWN)
-    for second in range(12):
+def test_a_search_farther_off_that_finds_the_same_place_ends_the_strain():
+    localizer, second = Localizer(KNOWN), 0
+    while localizer.state is State.TRACKING:
         localizer.predict(still(second, second + 1))
-        localizer.fuse(seen(second + 1.0, x=(0.8, 1.15)[second % 2] if second < 4 else 1.0))
-        if second == 3:
-            assert localizer.state is State.UNCERTAIN
+        localizer.fuse(seen(second + 1.0, x=(0.8, 1.15)[second % 2]))
+        second += 1
+    localizer.predict(still(second, second + 1))
+    assert isinstance(localizer.fuse(seen(second + 1.0)), Fused)
     assert localizer.state is State.TRACKING
+    assert len(localizer.windows_at((second + 1) * SECOND_NS)) == 1
 
 
 def test_a_covered_camera_gives_no_place_up():
