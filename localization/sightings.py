@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from localization.verdicts import Unused
-from maps.outcomes import Ambiguous, Fix, NoFix, Outcome, PoseBelief, Reason, SearchWindow
+from maps.outcomes import Ambiguous, Fix, Look, NoFix, Outcome, PoseBelief, Reason, SearchWindow
 
 #: Of an image without lines; and besides, of one that fits but tells too little.
 _BLIND = (Reason.UNREADABLE_IMAGE, Reason.TOO_FEW_SEGMENTS)
@@ -19,13 +21,18 @@ class EvidenceConfig:
     `wide_m`: beyond this a window is a search of the floor.
     `miss`: an image that shows nothing where at least `plenty` edges should be seen is so much less likely
     at the right place than at another one; people and open doors hide much. `floor_miss`: the same for an
-    image that fits nowhere on the floor, which says more about the image.
+    image that fits nowhere on the floor, which says more about the image. `clear_miss`: the same where it shows at
+    least as many lines as edges are expected, `clear` of them or more, and less than `clear_share` of these: there is
+    enough to see, and it is something else.
     """
 
     wide_m: float = 2.0
     plenty: int = 8
     miss: float = 0.25
     floor_miss: float = 0.9
+    clear: int = 20
+    clear_share: float = 0.45
+    clear_miss: float = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,4 +79,12 @@ def sighting_of(
 def _doubt(outcome: NoFix, wide: bool, config: EvidenceConfig) -> float:
     if outcome.reason in _NEUTRAL or len(outcome.look.predicted_px) < config.plenty:
         return 1.0
-    return config.floor_miss if wide else config.miss
+    if not wide:
+        return config.miss
+    return config.clear_miss if _shows_something_else(outcome.look, config) else config.floor_miss
+
+
+def _shows_something_else(look: Look, config: EvidenceConfig) -> bool:
+    """Whether an image that is rich in lines lacks most of the edges that should be seen."""
+    expected, seen = len(np.unique(look.predicted_map)), len(np.unique(look.matched_map))
+    return config.clear <= expected <= len(look.lines_px) and seen < config.clear_share * expected

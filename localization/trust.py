@@ -131,7 +131,9 @@ class Mind:
         unexplained = self.unexplained + apart
         if trusted and place and unexplained > min(trust.patience + place.views, trust.most_patience):
             hypotheses, leader, trusted = hypotheses.without(place), None, False
-        return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained, strain, self.proven), verdict
+        # A robot that is lost has no proof any longer that it is in the map's building.
+        proven = self.proven and trusted
+        return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained, strain, proven), verdict
 
     def _strained_by(self, verdict: Verdict, trust: TrustConfig) -> float:
         """Return the strain after a look; none once a search farther off has come back to the same place."""

@@ -11,8 +11,17 @@ BELIEF = PoseBelief(7, Pose2(1.0, 2.0, 0.5), 0.01 * np.eye(3))
 NARROW = SearchWindow(BELIEF.pose, 0.5, 0.2)
 
 
-def missed(reason: Reason, edges: int = 20) -> NoFix:
-    return NoFix(reason, Look(predicted_px=np.zeros((edges, 2, 2))))
+def missed(reason: Reason, edges: int = 20, seen: int = 0, lines: int = 0) -> NoFix:
+    """A look that expected as many edges, each another segment, and saw the first few of them."""
+    return NoFix(
+        reason,
+        Look(
+            lines_px=np.zeros((lines, 2, 2)),
+            predicted_px=np.zeros((edges, 2, 2)),
+            predicted_map=np.arange(edges),
+            matched_map=np.arange(seen),
+        ),
+    )
 
 
 @pytest.mark.parametrize(
@@ -31,6 +40,21 @@ def test_what_a_look_without_a_place_says(outcome, window, doubt, blind):
     found = sighting_of(outcome, 5, window, CONFIG)
     assert (found.stamp_ns, found.places, found.doubt, found.blind) == (5, (), doubt, blind)
     assert found.unused is outcome.reason
+
+
+@pytest.mark.parametrize(
+    ("edges", "seen", "lines", "doubt"),
+    [
+        (40, 10, 150, CONFIG.clear_miss),
+        (40, 20, 150, CONFIG.floor_miss),  # half of it is there
+        (40, 10, 30, CONFIG.floor_miss),  # blurred, dark or covered
+        (12, 3, 150, CONFIG.floor_miss),  # not much to miss
+    ],
+)
+def test_an_image_full_of_something_else_speaks_against_a_place(edges, seen, lines, doubt):
+    outcome = missed(Reason.WEAK_EVIDENCE, edges, seen, lines)
+    assert sighting_of(outcome, 5, SearchWindow.everywhere(), CONFIG).doubt == doubt
+    assert sighting_of(outcome, 5, NARROW, CONFIG).doubt == CONFIG.miss
 
 
 def test_places_compete():
