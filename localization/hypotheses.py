@@ -105,11 +105,14 @@ class Hypotheses:
         """Return the hypothesis of a name, None where it is gone."""
         return next((place for place in self.places if place.name == name), None)
 
-    def without(self, place: Hypothesis) -> Hypotheses:
-        """Give up a place: its weight goes elsewhere."""
-        places = tuple(other for other in self.places if other is not place)
-        elsewhere = self.elsewhere + place.weight
-        return Hypotheses(places, elsewhere, self.looked_ns, self.way_m, self.way_rad, self.born)
+    def given_up(self, place: Hypothesis, share: float) -> Hypotheses:
+        """Give up a place: all but a share of its weight goes elsewhere; without any it is forgotten."""
+        places = [other for other in self.places if other is not place]
+        if share > 0.0:
+            places.append(place.weighing(share * place.weight))
+        places.sort(key=lambda other: -other.weight)
+        elsewhere = self.elsewhere + (1.0 - share) * place.weight
+        return Hypotheses(tuple(places), elsewhere, self.looked_ns, self.way_m, self.way_rad, self.born)
 
     def doubted(self, elsewhere: float) -> Hypotheses:
         """Let elsewhere be that likely at least."""

@@ -30,7 +30,8 @@ class TrustConfig:
     against a place that was told `told_share`.
     `patience`: a place is given up after so many looks on end that it did not explain, and one more for each that it
     did, up to `most_patience`. One that was told, and that nothing has shown, is soon given up; one that has been
-    tracked lives on by odometry.
+    tracked lives on by odometry. One that `views` looks have shown is `remembered` with that share of its weight:
+    nothing is published, but a look that shows the robot where odometry has led from there does so by no chance.
     `usual_nis`, `bearable_nis`: squared innovations above the first add up (Page's cumulative sum, Biometrika 1954);
     once they come to the second, fixes have been pulling at the belief for longer than chance would have them: it may
     have slipped to where lines happen to fit. Then elsewhere is `strained` as likely at least, until a look that
@@ -53,6 +54,7 @@ class TrustConfig:
     bearable_nis: float = 10.0
     outlier_nis: float = 33.0
     strained: float = 0.25
+    remembered: float = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,7 +132,8 @@ class Mind:
         apart = 0.0 if sighting.blind else self.hypotheses.independence(sighting.stamp_ns, config)
         unexplained = self.unexplained + apart
         if trusted and place and unexplained > min(trust.patience + place.views, trust.most_patience):
-            hypotheses, leader, trusted = hypotheses.without(place), None, False
+            left = trust.remembered if place.views >= trust.views else 0.0
+            hypotheses, trusted = hypotheses.given_up(place, left), False
         # A robot that is lost has no proof any longer that it is in the map's building.
         proven = self.proven and trusted
         return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained, strain, proven), verdict

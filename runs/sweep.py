@@ -168,6 +168,7 @@ def _row(session: Session, result: RunResult, metrics: dict[str, Any], judgement
         "wrong_settled_s": judgement.wrong_s,
         "wrong_looks": judgement.wrong_looks,
         "recovered_after": judgement.recovered_after,
+        "looks_after": judgement.looks_after,
         "lost_after": judgement.lost_after,
         "fix_ms": metrics["timing_ms"]["fix"]["median"],
     }

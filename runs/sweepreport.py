@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from runs.experiments.output import Grid, figure_text
+from runs.faults.table import untold
 from runs.plots import STYLE, blank_figure
 from runs.sweep import Row
 
@@ -31,7 +32,7 @@ def sweep_table(rows: Sequence[Row]) -> Grid:
         "Filtered pose: RMSE is the median over seeds, the rest the worst. Wrong s: longest time TRACKING with the "
         "pose over 0.5 m or 10° off, once it was so for three observable frames; wrong looks: most such frames on "
         "end that left it so. Recovered: observable frames after the fault's end until the pose is right again, - "
-        "for never or no end. Lost after: frames until the first LOST.",
+        "for never, no end, or too few left to tell. Lost after: frames until the first LOST.",
     )
 
 
@@ -78,7 +79,7 @@ def _cells(group: Sequence[Row]) -> tuple[str, ...]:
         name: _worst(group, name) for name in ("filtered_max_m", "wrong", "wrong_settled_s", "wrong_looks")
     }
     available = [_number(row["availability"]) for row in group if row.get("availability") is not None]
-    recovered = [row.get("recovered_after") for row in group if row["status"] != "failed"]
+    recovered = [row.get("recovered_after") for row in group if row["status"] != "failed" and not untold(row)]
     lost = [row.get("lost_after") for row in group if row["status"] != "failed"]
     return (
         str(len(group)),

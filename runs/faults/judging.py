@@ -43,12 +43,14 @@ class Judgement:
     `wrong_looks`: most observable frames on end after each of which the state is TRACKING and the pose wrong.
     `recovered_after`: observable frames from the fault's end on until the state is TRACKING and the pose no farther
     off than a right fix may be, and still so near after the next frame; None where that never came or there was no
-    end. `lost_after`: frames until the first LOST, None for never.
+    end. `looks_after`: how many such frames there were, right or not; without one there was nothing to be right in.
+    `lost_after`: frames until the first LOST, None for never. Without a truth only that is known.
     """
 
     wrong_s: float | None
     wrong_looks: int | None
     recovered_after: int | None
+    looks_after: int | None
     lost_after: int | None
 
 
@@ -62,15 +64,16 @@ def judged(
     """
     lost = [at for at, record in enumerate(result.records, start=1) if record.state == State.LOST.value]
     if truth is None:
-        return Judgement(None, None, None, lost[0] if lost else None)
+        return Judgement(None, None, None, None, lost[0] if lost else None)
     good = _good_stamps(faulty)
     if obscured:
         good -= _obscured_stamps(faulty, truth)
     looks = sorted(record.arrival_ns for record in result.records if record.stamp_ns in good)
     filtered = result.trajectories.filtered
     wrong_s = wrong_unawares_s(result.spans, wrong_stamps(filtered, errors_of(filtered, truth)), looks)
-    recovered = None if span.end_ns >= faulty.span.end_ns else _recovered(result, span, good, truth)
-    return Judgement(wrong_s, _wrong_looks(result, good, truth), recovered, lost[0] if lost else None)
+    after = [] if span.end_ns >= faulty.span.end_ns else _looks_since(span.end_ns, result, good)
+    wrong_looks, recovered = _wrong_looks(result, good, truth), _recovered(after, truth)
+    return Judgement(wrong_s, wrong_looks, recovered, len(after), lost[0] if lost else None)
 
 
 def judged_undisturbed(session: Session, result: RunResult, truth: Trajectory | None) -> Judgement:
@@ -116,10 +119,11 @@ def _wrong_looks(result: RunResult, good: set[int], truth: Trajectory) -> int:
     return longest
 
 
-def _recovered(result: RunResult, span: Span, good: set[int], truth: Trajectory) -> int | None:
-    after = [
-        record for record in result.records if record.stamp_ns >= span.end_ns and record.stamp_ns in good
-    ]
+def _looks_since(stamp_ns: int, result: RunResult, good: set[int]) -> list[StepRecord]:
+    return [record for record in result.records if record.stamp_ns >= stamp_ns and record.stamp_ns in good]
+
+
+def _recovered(after: Sequence[StepRecord], truth: Trajectory) -> int | None:
     for at, record in enumerate(after, start=1):
         # A pose that the next frame finds wrong again was not right, it only came by.
         stays = at == len(after) or after[at].x_m is None or _near(after[at], truth, *BACK)

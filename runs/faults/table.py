@@ -24,8 +24,9 @@ _REMARK = (
     "Filtered pose. RMSE m: median of the runs. To none: over the same run without a fault, median and worst. "
     "Wrong s: longest time TRACKING with the pose over 0.5 m or 10° off; unawares: what is left of it once the pose "
     "has been wrong for three observable frames. Recovered: runs TRACKING within 0.30 m and 5° after so many "
-    "observable frames of the fault's end; slowest: most such frames. LOST after: frames until the first LOST, "
-    "fewest to most, and how many runs were lost. Wrong fixes and those accepted: sums."
+    "observable frames of the fault's end; untold: runs left out, which had fewer than that many of them, and were "
+    "right after none. Slowest: most such frames. LOST after: frames until the first LOST, fewest to most, and how "
+    "many runs were lost. Wrong fixes and those accepted: sums."
 )
 
 
@@ -45,8 +46,8 @@ def shortfalls(rows: Sequence[Row]) -> list[str]:
     """Return a line for each run, or kind, that falls short of what must hold under faults.
 
     No run fails. But for a wrong map no pose is called right once it has been wrong for three observable frames,
-    and it is right again within five of the fault's end. On a wrong map the robot is LOST within ten frames. Maps
-    that are a little wrong at most double the filtered RMSE, on the median.
+    and it is right again within five of the fault's end, if so many were left. On a wrong map the robot is LOST
+    within ten frames. Maps that are a little wrong at most double the filtered RMSE, on the median.
     """
     lines = [f"{_name(row)}: {what}" for row in rows for what in _short(row)]
     base = _undisturbed(rows)
@@ -55,6 +56,14 @@ def shortfalls(rows: Sequence[Row]) -> list[str]:
         if ratios and np.median(ratios) > WORSE:
             lines.append(f"{kind}: {np.median(ratios):.1f} times the undisturbed RMSE, on the median")
     return lines
+
+
+def untold(row: Row) -> bool:
+    """Tell whether a run cannot say how soon a pose is right again: it was not, and had too few frames for it."""
+    if row["status"] == "failed" or isinstance(row.get("recovered_after"), int):
+        return False
+    looks = row.get("looks_after")
+    return not (isinstance(looks, int) and looks >= RECOVERED_WITHIN)
 
 
 def _short(row: Row) -> Iterable[str]:
@@ -71,16 +80,15 @@ def _short(row: Row) -> Iterable[str]:
     if isinstance(unawares_s, float) and unawares_s > 0.0:
         yield f"wrong and TRACKING for {unawares_s:.1f} s after three observable frames"
     recovered = row.get("recovered_after")
-    if _ends(kind) and not (isinstance(recovered, int) and recovered <= RECOVERED_WITHIN):
+    soon = isinstance(recovered, int) and recovered <= RECOVERED_WITHIN
+    if _ends(kind) and not soon and not untold(row):
         yield f"right again after {_told(recovered)} observable frames"
 
 
 def _cells(kind: str, group: Sequence[Row], base: dict[tuple[object, ...], float]) -> tuple[str, ...]:
-    ratios, recovered = _ratios(group, base), [row.get("recovered_after") for row in group]
-    came = [count for count in recovered if isinstance(count, int)]
+    ratios = _ratios(group, base)
     lost = [count for row in group if isinstance(count := row.get("lost_after"), int)]
-    soon = sum(count <= RECOVERED_WITHIN for count in came)
-    slowest = "never" if len(came) < len(group) else str(max(came))
+    recovered, slowest = _recoveries(group) if _ends(kind) else ("-", "-")
     return (
         str(len(group)),
         _figure(np.median, _values(group, "filtered_rmse_m"), 3),
@@ -90,12 +98,23 @@ def _cells(kind: str, group: Sequence[Row], base: dict[tuple[object, ...], float
         _states(group),
         _figure(max, _values(group, "tracking_wrong_s"), 1),
         _figure(max, _values(group, "wrong_settled_s"), 1),
-        f"{soon} of {len(group)}" if _ends(kind) else "-",
-        slowest if _ends(kind) else "-",
+        recovered,
+        slowest,
         f"{min(lost)} to {max(lost)}, {len(lost)}" if lost else "-",
         _figure(sum, _values(group, "wrong"), 0),
         _figure(sum, _values(group, "wrong_accepted"), 0),
     )
+
+
+def _recoveries(group: Sequence[Row]) -> tuple[str, str]:
+    """Return how many runs were right again soon enough, of those that can tell, and how long the slowest took."""
+    told = [row for row in group if not untold(row)]
+    came = [count for row in told if isinstance(count := row.get("recovered_after"), int)]
+    soon, left_out = sum(count <= RECOVERED_WITHIN for count in came), len(group) - len(told)
+    recovered = f"{soon} of {len(told)}" + (f", {left_out} untold" if left_out else "")
+    if len(came) < len(told):
+        return recovered, "never"
+    return recovered, str(max(came)) if came else "-"
 
 
 def _states(group: Sequence[Row]) -> str:

@@ -248,7 +248,47 @@ def test_a_place_that_few_looks_have_shown_is_given_up_soon(shown):
     localizer.predict(still(2 * shown + 6, 2 * shown + 7))
     localizer.fuse(NoFix(Reason.NOTHING_VISIBLE))
     assert localizer.state is State.LOST
-    assert localizer.diagnosis.places == 0
+    assert localizer.belief is None
+    # What looks have shown is remembered, what somebody told alone is not.
+    assert localizer.diagnosis.places == (1 if shown else 0)
+
+
+def given_up(shown: int) -> tuple[Localizer, int]:
+    """Return a localizer that has seen its place so often, and then nothing until it gave it up; and when."""
+    localizer, second = Localizer(KNOWN), 0
+    while localizer.state is not State.LOST:
+        localizer.predict(still(second, second + 1))
+        second += 1
+        outcome = seen(second) if second <= shown else NoFix(Reason.WEAK_EVIDENCE)
+        localizer.fuse(outcome, SearchWindow.everywhere())
+    return localizer, second
+
+
+def test_a_place_that_was_given_up_is_believed_again_when_a_look_shows_it():
+    """Half a picture was covered for long. Where odometry has led meanwhile no look shows by chance."""
+    localizer, second = given_up(8)
+    assert localizer.belief is None
+    near, everywhere = localizer.windows_at(second * SECOND_NS)
+    assert near.dt_m < 1.0
+    assert everywhere == SearchWindow.everywhere()
+    driven = OdometryStep(second * SECOND_NS, (second + 1) * SECOND_NS, 0.5, 0.0, np.diag([1e-4, 1e-4]))
+    localizer.predict(driven)
+    there = advance(KNOWN.pose, driven)
+    assert isinstance(localizer.fuse(seen(second + 1.0, there.x, there.y)), Relocalized)
+    assert localizer.state is State.TRACKING
+
+
+def test_what_is_shown_elsewhere_than_at_a_place_given_up_must_be_shown_as_often_as_ever():
+    localizer, second = given_up(8)
+    agreed = 0
+    while localizer.state is State.LOST:
+        localizer.predict(still(second, second + 1))
+        second += 1
+        localizer.fuse(seen(second, x=5.0))
+        agreed += 1
+    assert agreed > 2
+    # It is the only place by now.
+    assert localizer.diagnosis.places == 1
 
 
 def test_fixes_that_keep_pulling_strain_the_belief_until_others_fit_better():

@@ -79,6 +79,18 @@ def test_recovery_counts_good_frames_from_the_faults_end(recording):
     assert judge(recording, TRACKING, errors, end=100.0).recovered_after is None
 
 
+def test_looks_after_the_fault_are_told_from_none(recording):
+    errors = [0.0, *[0.9] * 7]
+    # At 3.33 to 7.33 s; the toy ends at 8 s.
+    assert judge(recording, TRACKING, errors, end=3.0).looks_after == 5
+    assert judge(recording, LOST, errors, end=7.0).looks_after == 1
+    # One that ends behind the last look leaves nothing to judge, nor does one without an end.
+    assert judge(recording, TRACKING, [0.0] * 8, end=7.5).looks_after == 0
+    assert judge(recording, TRACKING, [0.0] * 8, end=7.5).recovered_after is None
+    assert judge(recording, TRACKING, errors, end=100.0).looks_after == 0
+    assert judged(recording, Span(S, 3 * S), run(TRACKING, errors), None).looks_after is None
+
+
 def test_the_first_lost_frame_is_counted_from_one(recording):
     states = [*TRACKING[:4], *LOST[:4]]
     assert judge(recording, states, [0.0] * 8).lost_after == 5
@@ -140,6 +152,16 @@ def test_pictures_in_which_a_fault_hides_the_edges_do_not_count(sample):
     result = wrong_all_along(faulty)
     hidden, seen = judged(faulty, span, result, TRUTH, obscured=True), judged(faulty, span, result, TRUTH)
     assert 3 <= seen.wrong_looks - hidden.wrong_looks <= 9
+
+
+def test_looks_after_the_fault_count_where_something_was_to_be_seen(sample):
+    recording = read_recording(sample)
+    middle_ns = (recording.span.start_ns + recording.span.end_ns) // 2
+    span, result = Span(recording.span.start_ns, middle_ns), wrong_all_along(recording)
+    later = sum(frame.stamp_ns >= middle_ns for frame in recording.session.frames)
+    seen = judged(recording, span, result, TRUTH).looks_after
+    assert seen is not None
+    assert 5 <= seen < later
 
 
 #: Somewhere else than any robot.

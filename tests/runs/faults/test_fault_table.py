@@ -24,6 +24,7 @@ def row(fault, session="hall", seed=0, **other):
         "tracking_wrong_s": 0.0,
         "wrong_settled_s": 0.0,
         "recovered_after": 1,
+        "looks_after": 20,
         "lost_after": None,
         "wrong": 2,
         "wrong_accepted": 0,
@@ -56,6 +57,30 @@ def test_runs_are_gathered_by_kind_and_compared_with_their_own_undisturbed_one()
 def test_a_fault_without_an_end_has_no_recovery():
     told = dict(zip(fault_table(GOOD).header, fault_table(GOOD).rows[-1], strict=True))
     assert (told["fault"], told["recovered ≤ 5"], told["slowest"]) == ("wrong-map", "-", "-")
+
+
+def test_runs_that_cannot_tell_are_left_out_of_both_numbers_and_told():
+    unseen = row("slip", session="yard", recovered_after=None, looks_after=0)
+    short = row("slip", session="yard", seed=1, recovered_after=None, looks_after=4)
+    rows = [*GOOD, row("slip", session="room", recovered_after=6), unseen, short]
+    told = dict(zip(fault_table(rows).header, fault_table(rows).rows[1], strict=True))
+    assert (told["fault"], told["runs"]) == ("slip", "4")
+    assert (told["recovered ≤ 5"], told["slowest"]) == ("1 of 2, 2 untold", "6")
+    (line,) = shortfalls(rows)
+    assert "after 6 observable" in line
+
+
+def test_five_looks_without_a_right_one_are_a_failure_and_a_right_one_among_fewer_is_none():
+    short = row("slip", seed=1, recovered_after=2, looks_after=2)
+    never = row("slip", seed=2, recovered_after=None, looks_after=5)
+    told = dict(zip(fault_table([short, never]).header, fault_table([short, never]).rows[0], strict=True))
+    assert (told["recovered ≤ 5"], told["slowest"]) == ("1 of 2", "never")
+    (line,) = shortfalls([short, never])
+    assert "seed 2" in line
+    assert "after no number of" in line
+    # One that failed has told nothing, and that is no excuse.
+    broken = row("slip", seed=3, status="failed", error="x", recovered_after=None, looks_after=None)
+    assert fault_table([short, broken]).rows[0][9] == "1 of 2"
 
 
 def test_runs_that_hold_are_no_shortfall():
