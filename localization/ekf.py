@@ -200,19 +200,22 @@ def innovation(estimate: Estimate, fix: PoseBelief) -> Innovation:
     return slipped if odds > 0.0 else usual
 
 
-def update(estimate: Estimate, fix: PoseBelief, news: Innovation | None = None) -> Estimate:
+def update(
+    estimate: Estimate, fix: PoseBelief, news: Innovation | None = None, widened: float = 1.0
+) -> Estimate:
     """Fuse a fix into the estimate at its stamp, in the components that the fix measured.
 
-    `news`: their innovation, where it is known already. P is filterpy's Joseph form,
-    (I - K H) P (I - K H)' + K R K', positive whatever the gain.
+    `news`: their innovation, where it is known already. `widened`: both covariances are taken that many times, where
+    they cannot both be right. P is filterpy's Joseph form, (I - K H) P (I - K H)' + K R K', positive whatever the gain.
     """
     news = news or innovation(estimate, fix)
     ekf = _filter_at(estimate)
-    if news.slipped:
+    if news.slipped or widened != 1.0:
         ekf.P = np.array(estimate.joint)
-        ekf.P[:3, :3] += estimate.slip
+        ekf.P[:3, :3] += estimate.slip if news.slipped else 0.0
+        ekf.P[:3, :3] *= widened
     # The innovation is given, so that filterpy need not know that angles wrap.
-    ekf.update(news.residual, lambda _: news.rows, lambda _: 0.0, R=news.noise)
+    ekf.update(news.residual, lambda _: news.rows, lambda _: 0.0, R=widened * news.noise)
     mean, joint = np.array(ekf.x), ekf.P + ekf.P.T
     mean[2] = _wrapped(mean[2])
     joint *= 0.5

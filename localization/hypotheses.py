@@ -10,6 +10,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from localization.ekf import Estimate, Innovation, innovation, predict, quantile, update
 from localization.odometry import OdometryStep
 from localization.sightings import Sighting
@@ -30,7 +32,10 @@ class HypothesesConfig:
     elsewhere if no hypothesis explains it and it cannot found one, as positions without a heading.
     `least_odds`: places of an ambiguous look with less are not fused. Those with more count alike: what makes
     one of two look-alikes likelier in one image does so in the next. `most`: hypotheses kept. `same_m`,
-    `same_rad`: hypotheses so near each other that either explains the other are one. `dropped`: a
+    `same_rad`: hypotheses so near each other that either explains the other are one. A fix within `beside_m` and
+    `beside_rad`, and `beside_gates` times the gate, shows no other place: covariances are too small, as on a map whose
+    edges are some centimetres off. It is fused with both of them as wide as to agree, and its likelihood is `beside`.
+    `dropped`: a
     hypothesis with less than this share of the leading one goes once a look supports that one alone.
     `vague_m`, `vague_rad`: standard deviations beyond which a Gaussian says nothing. `founding_m`,
     `founding_rad`: greatest standard deviations of a look that founds a hypothesis.
@@ -48,6 +53,10 @@ class HypothesesConfig:
     most: int = 5
     same_m: float = 0.3
     same_rad: float = 0.5
+    beside: float = 0.5
+    beside_m: float = 0.3
+    beside_rad: float = 0.1
+    beside_gates: float = 2.0
     dropped: float = 0.1
     vague_m: float = 3.0
     vague_rad: float = 1.0
@@ -177,17 +186,28 @@ class Hypotheses:
         return min(1.0, max(apart))
 
 
-#: A place of a look inside a hypothesis' gate: its number, what it says anew, its likelihood.
-Fit = tuple[int, Innovation, float]
+#: A place of a look that is a hypothesis', too: its number, what it says anew, by how much both covariances must be
+#: widened for that, its likelihood.
+Fit = tuple[int, Innovation, float, float]
 
 
 def _fits(estimate: Estimate, sighting: Sighting, gate: float, config: HypothesesConfig) -> list[Fit]:
     fits = []
     for number, (place, odds) in enumerate(zip(sighting.places, sighting.odds, strict=True)):
         news = innovation(estimate, place)
-        if news.inside(gate):
-            fits.append((number, news, _alike(odds, config) * math.exp(-0.5 * news.nis / config.temper)))
+        likely = math.exp(-0.5 * news.nis / config.temper)
+        beyond = news.nis / quantile(gate, news.dof)
+        if beyond <= 1.0:
+            fits.append((number, news, 1.0, _alike(odds, config) * likely))
+        elif len(sighting.places) == 1 and beyond <= config.beside_gates and _beside(estimate, place, config):
+            fits.append((number, news, beyond, max(likely, config.beside)))
     return fits
+
+
+def _beside(estimate: Estimate, place: PoseBelief, config: HypothesesConfig) -> bool:
+    """Whether a place is too near to be another one; what was not measured is not compared."""
+    away = np.where(place.measured, place.pose.minus(estimate.pose), 0.0)
+    return math.hypot(away[0], away[1]) <= config.beside_m and abs(away[2]) <= config.beside_rad
 
 
 def _alike(odds: float, config: HypothesesConfig) -> float:
@@ -216,9 +236,9 @@ def _heirs(
         return
     total = sum(likely for *_, likely in fused)
     least = config.founding * elsewhere
-    for number, news, likely in fused:
+    for number, news, beyond, likely in fused:
         yield Hypothesis(
-            update(place.estimate, sighting.places[number], news),
+            update(place.estimate, sighting.places[number], news, beyond),
             max(place.weight * likelihood**count * likely / total, least * sighting.odds[number]),
             sighting.stamp_ns,
             place.views + count,

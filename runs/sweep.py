@@ -170,6 +170,7 @@ def _row(session: Session, result: RunResult, metrics: dict[str, Any], judgement
         "recovered_after": judgement.recovered_after,
         "looks_after": judgement.looks_after,
         "lost_after": judgement.lost_after,
+        "astray": judgement.astray,
         "fix_ms": metrics["timing_ms"]["fix"]["median"],
     }
     for track in ("odometry", "filtered", "smoothed"):

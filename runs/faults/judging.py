@@ -44,7 +44,8 @@ class Judgement:
     `recovered_after`: observable frames from the fault's end on until the state is TRACKING and the pose no farther
     off than a right fix may be, and still so near after the next frame; None where that never came or there was no
     end. `looks_after`: how many such frames there were, right or not; without one there was nothing to be right in.
-    `lost_after`: frames until the first LOST, None for never. Without a truth only that is known.
+    `lost_after`: frames until the first LOST, None for never. Without a truth only that is known. `astray`: how many
+    of these came after the last fix accepted that was right: another building's map may be right for a part of a way.
     """
 
     wrong_s: float | None
@@ -52,6 +53,7 @@ class Judgement:
     recovered_after: int | None
     looks_after: int | None
     lost_after: int | None
+    astray: int | None
 
 
 def judged(
@@ -62,9 +64,10 @@ def judged(
     Frames count where they are observable as the session's observable.csv says, all where there is none.
     `obscured`: less can be seen in the pictures that the fault has changed, and edges are counted there anew.
     """
-    lost = [at for at, record in enumerate(result.records, start=1) if record.state == State.LOST.value]
+    until_lost = _until_lost(result)
+    lost_after = None if until_lost is None else len(until_lost)
     if truth is None:
-        return Judgement(None, None, None, None, lost[0] if lost else None)
+        return Judgement(None, None, None, None, lost_after, None)
     good = _good_stamps(faulty)
     if obscured:
         good -= _obscured_stamps(faulty, truth)
@@ -73,7 +76,8 @@ def judged(
     wrong_s = wrong_unawares_s(result.spans, wrong_stamps(filtered, errors_of(filtered, truth)), looks)
     after = [] if span.end_ns >= faulty.span.end_ns else _looks_since(span.end_ns, result, good)
     wrong_looks, recovered = _wrong_looks(result, good, truth), _recovered(after, truth)
-    return Judgement(wrong_s, wrong_looks, recovered, len(after), lost[0] if lost else None)
+    astray = None if until_lost is None else _since_right(until_lost, truth)
+    return Judgement(wrong_s, wrong_looks, recovered, len(after), lost_after, astray)
 
 
 def judged_undisturbed(session: Session, result: RunResult, truth: Trajectory | None) -> Judgement:
@@ -119,6 +123,25 @@ def _wrong_looks(result: RunResult, good: set[int], truth: Trajectory) -> int:
     return longest
 
 
+def _until_lost(result: RunResult) -> list[StepRecord] | None:
+    """Return the records up to the first one that leaves the robot LOST, that one included; None for never."""
+    until = list[StepRecord]()
+    for record in result.records:
+        until.append(record)
+        if record.state == State.LOST.value:
+            return until
+    return None
+
+
+def _since_right(records: Sequence[StepRecord], truth: Trajectory) -> int:
+    """Return how many records come after the last right fix that was accepted."""
+    for since, record in enumerate(reversed(records)):
+        fix = record.fix_x_m, record.fix_y_m, record.fix_phi_rad
+        if record.accepted and _at(record.stamp_ns, fix, truth, *BACK):
+            return since
+    return len(records)
+
+
 def _looks_since(stamp_ns: int, result: RunResult, good: set[int]) -> list[StepRecord]:
     return [record for record in result.records if record.stamp_ns >= stamp_ns and record.stamp_ns in good]
 
@@ -134,11 +157,19 @@ def _recovered(after: Sequence[StepRecord], truth: Trajectory) -> int | None:
 
 def _near(record: StepRecord, truth: Trajectory, limit_m: float, limit_rad: float) -> bool:
     """Tell whether the pose after a frame is within limits of the truth."""
-    if record.x_m is None or record.y_m is None or record.phi_rad is None:
+    return _at(record.stamp_ns, (record.x_m, record.y_m, record.phi_rad), truth, limit_m, limit_rad)
+
+
+def _at(
+    stamp_ns: int, pose: tuple[float | None, ...], truth: Trajectory, limit_m: float, limit_rad: float
+) -> bool:
+    """Tell whether a pose (x, y, phi), if it is known, is within limits of the truth."""
+    x_m, y_m, phi_rad = pose
+    if x_m is None or y_m is None or phi_rad is None:
         return False
-    x, y, phi = interpolate(np.array([record.stamp_ns]), truth)[0]
-    far = math.hypot(record.x_m - x, record.y_m - y)
-    turned = abs(math.remainder(record.phi_rad - phi, math.tau))
+    x, y, phi = interpolate(np.array([stamp_ns]), truth)[0]
+    far = math.hypot(x_m - x, y_m - y)
+    turned = abs(math.remainder(phi_rad - phi, math.tau))
     return not (far > limit_m or turned > limit_rad)
 
 

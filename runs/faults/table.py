@@ -18,7 +18,7 @@ WORSE = 2.0
 SLIGHT = ("map-missing", "map-extra", "map-moved")
 _HEADER = (
     "fault", "runs", "RMSE m", "to none", "worst", "max m", "TRACKING, UNCERTAIN, LOST", "wrong s", "unawares s",
-    f"recovered ≤ {RECOVERED_WITHIN}", "slowest", "LOST after", "wrong fixes", "accepted",
+    f"recovered ≤ {RECOVERED_WITHIN}", "slowest", "LOST after", "astray", "wrong fixes", "accepted",
 )  # fmt: skip
 _REMARK = (
     "Filtered pose. RMSE m: median of the runs. To none: over the same run without a fault, median and worst. "
@@ -26,7 +26,8 @@ _REMARK = (
     "has been wrong for three observable frames. Recovered: runs TRACKING within 0.30 m and 5° after so many "
     "observable frames of the fault's end; untold: runs left out, which had fewer than that many of them, and were "
     "right after none. Slowest: most such frames. LOST after: frames until the first LOST, fewest to most, and how "
-    "many runs were lost. Wrong fixes and those accepted: sums."
+    "many runs were lost; astray: how many of these frames came after the last right fix. Wrong fixes and those "
+    "accepted: sums."
 )
 
 
@@ -88,6 +89,7 @@ def _short(row: Row) -> Iterable[str]:
 def _cells(kind: str, group: Sequence[Row], base: dict[tuple[object, ...], float]) -> tuple[str, ...]:
     ratios = _ratios(group, base)
     lost = [count for row in group if isinstance(count := row.get("lost_after"), int)]
+    astray = [count for row in group if isinstance(count := row.get("astray"), int)]
     recovered, slowest = _recoveries(group) if _ends(kind) else ("-", "-")
     return (
         str(len(group)),
@@ -101,6 +103,7 @@ def _cells(kind: str, group: Sequence[Row], base: dict[tuple[object, ...], float
         recovered,
         slowest,
         f"{min(lost)} to {max(lost)}, {len(lost)}" if lost else "-",
+        f"{min(astray)} to {max(astray)}" if astray else "-",
         _figure(sum, _values(group, "wrong"), 0),
         _figure(sum, _values(group, "wrong_accepted"), 0),
     )

@@ -144,3 +144,18 @@ def test_a_place_seen_again_weighs_no_less_than_a_new_one():
     assert forgotten.places[0].weight < 1e-3
     seen = after(forgotten, look(at(0.0), seconds=20.0))
     assert seen.places[0].weight == pytest.approx(0.5 / 0.6, rel=0.01)
+
+
+def test_a_fix_beside_a_place_shows_no_other_place():
+    """On a map that is off by some centimetres fixes lie farther apart than they say."""
+    start = Hypotheses.at(at(0.0, std=0.01), CONFIG)
+    far = 0.01 * math.sqrt(2.0 * 25.0)
+    (place,) = after(start, look(at(far, std=0.01))).places
+    assert place.estimate.pose.x == pytest.approx(0.5 * far)
+    assert place.estimate.belief.covariance[0, 0] > 1.5 * 0.5 * 0.01**2
+    assert place.views == 1.0
+    # Beyond twice the gate it is an outlier or another place.
+    assert len(after(start, look(at(0.01 * math.sqrt(2.0 * 40.0), std=0.01))).places) == 2
+    # As far in standard deviations, but too far in metres.
+    wide = Hypotheses.at(at(0.0, std=0.1), CONFIG)
+    assert len(after(wide, look(at(0.1 * math.sqrt(2.0 * 25.0), std=0.1))).places) == 2

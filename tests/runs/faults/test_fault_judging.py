@@ -26,8 +26,11 @@ def recording(toy):
     return read_recording(toy)
 
 
-def run(states, errors_m):
-    """Make a run whose looks end in these states with these errors; None: nothing was said."""
+def run(states, errors_m, fixes_m=(None,) * len(STAMPS)):
+    """Make a run whose looks end in these states with these errors; None: nothing was said.
+
+    `fixes_m`: errors of the fixes accepted, None for none.
+    """
     records = [
         SimpleNamespace(
             stamp_ns=stamp,
@@ -36,8 +39,12 @@ def run(states, errors_m):
             x_m=error,
             y_m=None if error is None else 0.0,
             phi_rad=None if error is None else 0.0,
+            accepted=fix is not None,
+            fix_x_m=fix,
+            fix_y_m=0.0,
+            fix_phi_rad=0.0,
         )
-        for stamp, state, error in zip(STAMPS, states, errors_m, strict=True)
+        for stamp, state, error, fix in zip(STAMPS, states, errors_m, fixes_m, strict=True)
     ]
     beliefs = [
         PoseBelief(record.stamp_ns, Pose2(record.x_m, 0.0, 0.0), np.eye(3))
@@ -48,9 +55,9 @@ def run(states, errors_m):
     return SimpleNamespace(records=tuple(records), spans=(), trajectories=SimpleNamespace(filtered=track))
 
 
-def judge(recording, states, errors_m, end=3.0):
+def judge(recording, states, errors_m, end=3.0, **made):
     truth = Trajectory(np.array([0, 100 * S]), np.zeros((2, 3)))
-    return judged(recording, Span(S, round(end * S)), run(states, errors_m), truth)
+    return judged(recording, Span(S, round(end * S)), run(states, errors_m, **made), truth)
 
 
 TRACKING, LOST = ["TRACKING"] * 8, ["LOST"] * 8
@@ -59,6 +66,15 @@ TRACKING, LOST = ["TRACKING"] * 8, ["LOST"] * 8
 def test_a_run_that_is_right_throughout(recording):
     judgement = judge(recording, TRACKING, [0.0] * 8)
     assert (judgement.wrong_looks, judgement.recovered_after, judgement.lost_after) == (0, 1, None)
+
+
+def test_a_robot_is_astray_from_the_last_right_fix_until_it_is_lost(recording):
+    states, errors = ["TRACKING"] * 5 + ["LOST", "LOST", "TRACKING"], [0.0, 0.0, 0.0, 2.0, 2.0, None, None, 2.0]
+    right = [0.1, None, 0.1, 2.0, None, None, None, 0.1]
+    judgement = judge(recording, states, errors, fixes_m=right)
+    assert (judgement.lost_after, judgement.astray) == (6, 3)
+    assert judge(recording, states, errors).astray == 6
+    assert judge(recording, TRACKING, [0.0] * 8, fixes_m=right).astray is None
 
 
 def test_wrong_looks_are_those_in_tracking_on_end(recording):

@@ -26,6 +26,7 @@ def row(fault, session="hall", seed=0, **other):
         "recovered_after": 1,
         "looks_after": 20,
         "lost_after": None,
+        "astray": None,
         "wrong": 2,
         "wrong_accepted": 0,
         **other,
@@ -40,7 +41,7 @@ def test_runs_are_gathered_by_kind_and_compared_with_their_own_undisturbed_one()
         row("none", filtered_rmse_m=0.01),
         row("none", session="room", filtered_rmse_m=0.02),
         row("slip", filtered_rmse_m=0.03, recovered_after=7),
-        row("slip", session="room", filtered_rmse_m=0.02, lost_after=4, wrong_accepted=3),
+        row("slip", session="room", filtered_rmse_m=0.02, lost_after=4, astray=3, wrong_accepted=3),
     ]
     grid = fault_table(rows)
     assert [cells[0] for cells in grid.rows] == ["none", "slip"]
@@ -50,7 +51,7 @@ def test_runs_are_gathered_by_kind_and_compared_with_their_own_undisturbed_one()
     assert (told["to none"], told["worst"]) == ("2.0", "3.0")
     assert told["TRACKING, UNCERTAIN, LOST"] == "75 %, 22 %, 2 %"
     assert (told["recovered ≤ 5"], told["slowest"]) == ("1 of 2", "7")
-    assert told["LOST after"] == "4 to 4, 1"
+    assert (told["LOST after"], told["astray"]) == ("4 to 4, 1", "3 to 3")
     assert (told["wrong fixes"], told["accepted"]) == ("4", "3")
 
 
