@@ -25,9 +25,10 @@ class TrustConfig:
     the published pose jump to and fro. The other one takes over when it is sure. `lost`: nor is a place
     less likely than this.
     `share`: nor one found while lost by fewer looks, up to `most_views`, than this share of those that have found
-    something else or nothing since. Where most find nothing the map may be another building's, and what fits some
-    of them does so by chance: until a place has been shown by `proven` looks it is `unproven_share` of the others,
-    against a place that was told `told_share`.
+    something else or nothing since; the first `near` of them do not count: they were searched only where the robot
+    was believed to be, and was not. Where most find nothing the map may be another building's, and what fits some of
+    them does so by chance: until a place has been shown by `proven` looks all of them count, it is `unproven_share`
+    of them, and against a place that was told `told_share`.
     `patience`: a place is given up after so many looks on end that it did not explain, and one more for each that it
     did, up to `most_patience`. One that was told, and that nothing has shown, is soon given up; one that has been
     tracked lives on by odometry. One that `views` looks have shown is `remembered` with that share of its weight:
@@ -44,6 +45,7 @@ class TrustConfig:
     switch: float = 2.0
     lost: float = 0.2
     share: float = 0.3
+    near: float = 3.0
     unproven_share: float = 0.5
     told_share: float = 1.5
     proven: float = 8.0
@@ -168,6 +170,8 @@ class Mind:
     def _views_needed(self, place: Hypothesis, trust: TrustConfig) -> float:
         """Return how many looks must show a place, by how many others did not."""
         others = self.unexplained + 1.0 - place.views
-        unproven = trust.told_share if self.trusted else trust.unproven_share
-        share = trust.share if self.proven else unproven
-        return min(max(trust.views, share * others), trust.most_views)
+        if self.proven:
+            needed = trust.share * (others - trust.near)
+        else:
+            needed = (trust.told_share if self.trusted else trust.unproven_share) * others
+        return min(max(trust.views, needed), trust.most_views)
