@@ -77,10 +77,18 @@ def test_a_sure_place_has_one_window():
 
 def test_every_place_that_counts_has_its_window_and_doubt_looks_everywhere():
     config = WindowConfig()
-    windows = search_windows(mind_of((NEAR, 0.6), (FAR, 0.3), (belief(1, 1, 1), 0.001)), config)
+    places = (NEAR, 0.6), (FAR, 0.3), (belief(1, 1, 1), 0.001)
+    windows = search_windows(mind_of(*places, elsewhere=0.11), config)
     assert windows == (window_about(NEAR, 0, config), window_about(FAR, 0, config), SearchWindow.everywhere())
     windows = search_windows(mind_of((NEAR, 0.95), (FAR, 0.04)), config)
     assert windows == (window_about(NEAR, 0, config), window_about(FAR, 0, config))
+
+
+def test_places_that_compete_are_searched_for_near_the_leading_one_and_not_everywhere():
+    config = WindowConfig()
+    windows = search_windows(mind_of((NEAR, 0.6), (FAR, 0.39)), config)
+    aside = SearchWindow(NEAR.pose, config.aside_m, config.aside_rad)
+    assert windows == (window_about(NEAR, 0, config), window_about(FAR, 0, config), aside)
 
 
 def test_the_lost_look_everywhere_and_where_they_have_been_seen():
