@@ -25,9 +25,11 @@ class TrustConfig:
     the published pose jump to and fro. The other one takes over when it is sure. `lost`: nor is a place
     less likely than this.
     `share`: nor one found while lost by fewer looks, up to `most_views`, than this share of those that have found
-    something else or nothing since. Where most find nothing the map may be another building's, and what fits some
-    of them does so by chance: until a place has been shown by `proven` looks it is `unproven_share` of the others,
-    against a place that was told `told_share`.
+    something else or nothing since; the first `near` of them do not count: they were searched only where the robot
+    was believed to be, and was not. Where most find nothing the map may be another building's, and what fits some of
+    them does so by chance: until a place has been shown by `proven` looks all of them count, it is `unproven_share`
+    of them, and against a place that was told `told_share`. That proof lapses after more than `lapse` looks on end
+    that were not explained: two buildings' maps may agree on a part of a way.
     `patience`: a place is given up after so many looks on end that it did not explain, and one more for each that it
     did, up to `most_patience`. One that was told, and that nothing has shown, is soon given up; one that has been
     tracked lives on by odometry. One that `views` looks have shown is `remembered` with that share of its weight:
@@ -44,9 +46,11 @@ class TrustConfig:
     switch: float = 2.0
     lost: float = 0.2
     share: float = 0.3
+    near: float = 3.0
     unproven_share: float = 0.5
     told_share: float = 1.5
     proven: float = 8.0
+    lapse: float = 10.0
     most_views: float = 6.0
     patience: float = 6.0
     most_patience: float = 60.0
@@ -134,8 +138,7 @@ class Mind:
         if trusted and place and unexplained > min(trust.patience + place.views, trust.most_patience):
             left = trust.remembered if place.views >= trust.views else 0.0
             hypotheses, trusted = hypotheses.given_up(place, left), False
-        # A robot that is lost has no proof any longer that it is in the map's building.
-        proven = self.proven and trusted
+        proven = self.proven and unexplained <= trust.lapse
         return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained, strain, proven), verdict
 
     def _strained_by(self, verdict: Verdict, trust: TrustConfig) -> float:
@@ -170,6 +173,8 @@ class Mind:
     def _views_needed(self, place: Hypothesis, trust: TrustConfig) -> float:
         """Return how many looks must show a place, by how many others did not."""
         others = self.unexplained + 1.0 - place.views
-        unproven = trust.told_share if self.trusted else trust.unproven_share
-        share = trust.share if self.proven else unproven
-        return min(max(trust.views, share * others), trust.most_views)
+        if self.proven:
+            needed = trust.share * (others - trust.near)
+        else:
+            needed = (trust.told_share if self.trusted else trust.unproven_share) * others
+        return min(max(trust.views, needed), trust.most_views)

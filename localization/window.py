@@ -32,11 +32,12 @@ class WindowConfig:
     `floor_m`, `floor_rad`: least half-widths; below them a search is not faster, and what the filter
     believes is not that exact. `growth`: by this factor after each frame without a fix, since then
     the belief itself is in doubt, up to `largest_growth`.
-    `doubt`: where the leading place is wrong with more probability than this, search everywhere too; two
-    images that do not show what they should make it so. `unexplained`: so many looks on end that were not fused,
-    with something to see, do too: where nothing is expected, nothing can be missing. A place that fixes strain is
-    searched for within `aside_m` and `aside_rad`: slipped wheels lead no farther. `least`: places of less probability
-    are not searched for, nor more than `most`.
+    `doubt`: where the robot is at none of the places known with more probability than this, search everywhere too;
+    two images that do not show what they should make it so. `strained_doubt`: the same where fixes strain the place. `unexplained`: so many looks on end that were not fused,
+    with something to see, do too: where nothing is expected, nothing can be missing. A place that fixes strain, or
+    that is wrong with more probability than `doubt` because others compete with it, is searched for within `aside_m`
+    and `aside_rad`: slipped wheels lead no farther. `least`: places of less probability are not searched for, nor
+    more than `most`.
     """
 
     probability: float = 0.999
@@ -45,6 +46,7 @@ class WindowConfig:
     growth: float = 1.4
     largest_growth: float = 5.0
     doubt: float = 0.1
+    strained_doubt: float = 0.5
     unexplained: float = 3.0
     aside_m: float = 1.0
     aside_rad: float = math.radians(20.0)
@@ -77,12 +79,12 @@ def search_windows(mind: Mind, config: WindowConfig) -> tuple[SearchWindow, ...]
     windows = [
         window_about(place.estimate.belief, misses, config) for place, misses in growths[: config.most]
     ]
-    doubtful = leading.weight < 1.0 - config.doubt
-    if mind.strained:
-        # Far away there is always something that fits: what pulls is near.
+    # Far away there is always something that fits; what pulls is near, and what competes has its own window.
+    far = mind.hypotheses.elsewhere > (config.strained_doubt if mind.strained else config.doubt)
+    rivalled = mind.trusted and leading.weight < 1.0 - config.doubt and not far
+    if mind.strained or rivalled:
         windows.append(SearchWindow(leading.estimate.pose, config.aside_m, config.aside_rad))
-        doubtful = False
-    if not mind.trusted or doubtful or mind.unexplained >= config.unexplained:
+    if not mind.trusted or far or mind.unexplained >= config.unexplained:
         windows.append(SearchWindow.everywhere())
     return tuple(sorted(dict.fromkeys(windows), key=lambda window: (window.dt_m, window.dphi_rad)))
 

@@ -338,26 +338,43 @@ def test_a_covered_camera_gives_no_place_up():
     assert localizer.belief is not None
 
 
-@pytest.mark.parametrize(
-    ("shown", "found_nothing", "needed"),
-    [(0, 0, 2), (0, 4, 2), (0, 5, 3), (0, 100, 6), (8, 15, 6)],
-)
-def test_where_most_looks_find_nothing_more_must_agree(shown, found_nothing, needed):
-    """What was shown before the robot was lost is no proof any longer that the map is of this building."""
-    localizer, second = Localizer(KNOWN if shown else None), 0
-    for second in range(shown):
-        localizer.predict(still(second, second + 1))
-        localizer.fuse(seen(second + 1.0))
-    for second in range(shown, shown + found_nothing):
+@pytest.mark.parametrize(("found_nothing", "needed"), [(0, 2), (4, 2), (5, 3), (100, 6)])
+def test_where_most_looks_find_nothing_more_must_agree(found_nothing, needed):
+    """None has shown yet that the map is of this building."""
+    localizer = Localizer()
+    for second in range(found_nothing):
         localizer.predict(still(second, second + 1))
         localizer.fuse(NoFix(Reason.WEAK_EVIDENCE), SearchWindow.everywhere())
+    assert agreeing(localizer, found_nothing) == needed
+
+
+@pytest.mark.parametrize(("shown", "vainly", "needed"), [(2, 0, 3), (8, 0, 2), (8, 3, 2), (8, 20, 6)])
+def test_who_has_been_tracked_is_sooner_found_elsewhere(shown, vainly, needed):
+    """Looks have shown that the map is of this building, until too many in turn show nothing of it."""
+    localizer, second = Localizer(KNOWN), shown
+    for early in range(shown):
+        localizer.predict(still(early, early + 1))
+        localizer.fuse(seen(early + 1.0))
+    expected = Look(predicted_px=np.zeros((20, 2, 2)))
+    while localizer.state is not State.LOST:
+        localizer.predict(still(second, second + 1))
+        localizer.fuse(NoFix(Reason.WEAK_EVIDENCE, expected), SearchWindow(KNOWN.pose, 0.3, 0.1))
+        second += 1
+    for later in range(second, second + vainly):
+        localizer.predict(still(later, later + 1))
+        localizer.fuse(NoFix(Reason.WEAK_EVIDENCE), SearchWindow.everywhere())
+    assert agreeing(localizer, second + vainly) == needed
+
+
+def agreeing(localizer: Localizer, second: int) -> int:
+    """Return how many looks at a place, one a second, it takes until the robot is believed to be there."""
     agreed = 0
     while localizer.state is State.LOST:
-        second = shown + found_nothing + agreed
         localizer.predict(still(second, second + 1))
-        localizer.fuse(seen(second + 1.0, x=5.0))
+        second += 1
+        localizer.fuse(seen(float(second), x=5.0))
         agreed += 1
-    assert agreed == needed
+    return agreed
 
 
 def test_position_only_fixes_bring_back_a_robot_that_knew_nothing():

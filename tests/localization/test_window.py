@@ -1,5 +1,7 @@
 import math
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
@@ -77,10 +79,18 @@ def test_a_sure_place_has_one_window():
 
 def test_every_place_that_counts_has_its_window_and_doubt_looks_everywhere():
     config = WindowConfig()
-    windows = search_windows(mind_of((NEAR, 0.6), (FAR, 0.3), (belief(1, 1, 1), 0.001)), config)
+    places = (NEAR, 0.6), (FAR, 0.3), (belief(1, 1, 1), 0.001)
+    windows = search_windows(mind_of(*places, elsewhere=0.11), config)
     assert windows == (window_about(NEAR, 0, config), window_about(FAR, 0, config), SearchWindow.everywhere())
     windows = search_windows(mind_of((NEAR, 0.95), (FAR, 0.04)), config)
     assert windows == (window_about(NEAR, 0, config), window_about(FAR, 0, config))
+
+
+def test_places_that_compete_are_searched_for_near_the_leading_one_and_not_everywhere():
+    config = WindowConfig()
+    windows = search_windows(mind_of((NEAR, 0.6), (FAR, 0.39)), config)
+    aside = SearchWindow(NEAR.pose, config.aside_m, config.aside_rad)
+    assert windows == (window_about(NEAR, 0, config), window_about(FAR, 0, config), aside)
 
 
 def test_the_lost_look_everywhere_and_where_they_have_been_seen():
@@ -88,3 +98,12 @@ def test_the_lost_look_everywhere_and_where_they_have_been_seen():
     assert search_windows(Mind.lost(), config) == (SearchWindow.everywhere(),)
     windows = search_windows(mind_of((FAR, 0.95), trusted=False), config)
     assert windows == (window_about(FAR, 0, config), SearchWindow.everywhere())
+
+
+def test_a_strained_place_is_searched_for_beside_it_and_everywhere_only_where_more_speaks_against_it():
+    config = WindowConfig()
+    near, aside = window_about(NEAR, 0, config), SearchWindow(NEAR.pose, config.aside_m, config.aside_rad)
+    pulled = replace(mind_of((NEAR, 0.75), elsewhere=0.25), strain=1.0)
+    assert search_windows(pulled, config) == (near, aside)
+    missed = replace(mind_of((NEAR, 0.4), elsewhere=0.6), strain=1.0)
+    assert search_windows(missed, config) == (near, aside, SearchWindow.everywhere())
