@@ -206,7 +206,8 @@ def update(
     """Fuse a fix into the estimate at its stamp, in the components that the fix measured.
 
     `news`: their innovation, where it is known already. `widened`: both covariances are taken that many times, where
-    they cannot both be right. P is filterpy's Joseph form, (I - K H) P (I - K H)' + K R K', positive whatever the gain.
+    they cannot both be right. P is filterpy's Joseph form, (I - K H) P (I - K H)' + K R K', positive whatever the
+    gain.
     """
     news = news or innovation(estimate, fix)
     ekf = _filter_at(estimate)

@@ -32,11 +32,10 @@ class HypothesesConfig:
     elsewhere if no hypothesis explains it and it cannot found one, as positions without a heading.
     `least_odds`: places of an ambiguous look with less are not fused. Those with more count alike: what makes
     one of two look-alikes likelier in one image does so in the next. `most`: hypotheses kept. `same_m`,
-    `same_rad`: hypotheses so near each other that either explains the other are one. A fix within `beside_m` and
-    `beside_rad`, and `beside_gates` times the gate, shows no other place: covariances are too small, as on a map whose
-    edges are some centimetres off. It is fused with both of them as wide as to agree, and its likelihood is `beside`.
-    `dropped`: a
-    hypothesis with less than this share of the leading one goes once a look supports that one alone.
+    `same_rad`: hypotheses so near each other that either explains the other are one. A fix within `beside_m`,
+    `beside_rad` and `beside_gates` times the gate shows no other place: covariances are too small, as on a map whose
+    edges are some centimetres off. It is fused with both of them as wide as to agree; its likelihood is `beside`.
+    `dropped`: a hypothesis with less than this share of the leading one goes once a look supports that one alone.
     `vague_m`, `vague_rad`: standard deviations beyond which a Gaussian says nothing. `founding_m`,
     `founding_rad`: greatest standard deviations of a look that founds a hypothesis.
     """

@@ -33,11 +33,11 @@ class WindowConfig:
     believes is not that exact. `growth`: by this factor after each frame without a fix, since then
     the belief itself is in doubt, up to `largest_growth`.
     `doubt`: where the robot is at none of the places known with more probability than this, search everywhere too;
-    two images that do not show what they should make it so. `strained_doubt`: the same where fixes strain the place. `unexplained`: so many looks on end that were not fused,
-    with something to see, do too: where nothing is expected, nothing can be missing. A place that fixes strain, or
-    that is wrong with more probability than `doubt` because others compete with it, is searched for within `aside_m`
-    and `aside_rad`: slipped wheels lead no farther. `least`: places of less probability are not searched for, nor
-    more than `most`.
+    two images that do not show what they should make it so. `strained_doubt`: the same where fixes strain the place.
+    `unexplained`: so many looks on end that were not fused, with something to see, do too: where nothing is expected,
+    nothing can be missing. A place that fixes strain, or that is wrong with more probability than `doubt` because
+    others compete with it, is searched for within `aside_m` and `aside_rad`: slipped wheels lead no farther.
+    `least`: places of less probability are not searched for, nor more than `most`.
     """
 
     probability: float = 0.999

@@ -26,7 +26,10 @@ def recording(toy):
     return read_recording(toy)
 
 
-def run(states, errors_m, fixes_m=(None,) * len(STAMPS)):
+NO_FIXES = (None,) * len(STAMPS)
+
+
+def run(states, errors_m, fixes_m=NO_FIXES):
     """Make a run whose looks end in these states with these errors; None: nothing was said.
 
     `fixes_m`: errors of the fixes accepted, None for none.
@@ -69,7 +72,8 @@ def test_a_run_that_is_right_throughout(recording):
 
 
 def test_a_robot_is_astray_from_the_last_right_fix_until_it_is_lost(recording):
-    states, errors = ["TRACKING"] * 5 + ["LOST", "LOST", "TRACKING"], [0.0, 0.0, 0.0, 2.0, 2.0, None, None, 2.0]
+    states = [*["TRACKING"] * 5, "LOST", "LOST", "TRACKING"]
+    errors = [0.0, 0.0, 0.0, 2.0, 2.0, None, None, 2.0]
     right = [0.1, None, 0.1, 2.0, None, None, None, 0.1]
     judgement = judge(recording, states, errors, fixes_m=right)
     assert (judgement.lost_after, judgement.astray) == (6, 3)

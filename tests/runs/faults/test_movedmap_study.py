@@ -1,7 +1,8 @@
 """A map whose every edge is 5 cm off: how far fusing fixes could help at best, and how far it does.
 
-`pytest -m slow -s` on this file prints, for two drives and three such maps each, the RMSE of the fixes, of the filtered
-poses, and of what perfect odometry would make of the same fixes: each pose off by the mean error of all fixes so far.
+`pytest -m slow -s` on this file prints, for two drives and three such maps each, the RMSE of the fixes, of the
+filtered poses, and of what perfect odometry would make of the same fixes: each pose off by the mean error of all
+fixes so far.
 """
 
 from __future__ import annotations
