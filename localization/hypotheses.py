@@ -198,13 +198,13 @@ def _fits(estimate: Estimate, sighting: Sighting, gate: float, config: Hypothese
         beyond = news.nis / quantile(gate, news.dof)
         if beyond <= 1.0:
             fits.append((number, news, 1.0, _alike(odds, config) * likely))
-        elif len(sighting.places) == 1 and beyond <= config.beside_gates and _beside(estimate, place, config):
+        elif len(sighting.places) == 1 and beyond <= config.beside_gates and beside(estimate, place, config):
             fits.append((number, news, beyond, max(likely, config.beside)))
     return fits
 
 
-def _beside(estimate: Estimate, place: PoseBelief, config: HypothesesConfig) -> bool:
-    """Whether a place is too near to be another one; what was not measured is not compared."""
+def beside(estimate: Estimate, place: PoseBelief, config: HypothesesConfig) -> bool:
+    """Tell whether a place is too near to be another one; what was not measured is not compared."""
     away = np.where(place.measured, place.pose.minus(estimate.pose), 0.0)
     return math.hypot(away[0], away[1]) <= config.beside_m and abs(away[2]) <= config.beside_rad
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from localization.ekf import innovation
-from localization.hypotheses import Hypotheses, HypothesesConfig, Hypothesis
+from localization.hypotheses import Hypotheses, HypothesesConfig, Hypothesis, beside
 from localization.odometry import OdometryStep
 from localization.sightings import Sighting
 from localization.verdicts import Fused, Missed, Refusal, Rejected, Relocalized, Verdict
@@ -32,13 +32,13 @@ class TrustConfig:
     that were not explained: two buildings' maps may agree on a part of a way.
     `patience`: a place is given up after so many looks on end that it did not explain, and one more for each that it
     did, up to `most_patience`. One that was told, and that nothing has shown, is soon given up; one that has been
-    tracked lives on by odometry. One that `views` looks have shown is `remembered` with that share of its weight:
+    tracked lives on by odometry. One that `proven` looks have shown is `remembered` with that share of its weight:
     nothing is published, but a look that shows the robot where odometry has led from there does so by no chance.
     `usual_nis`, `bearable_nis`: squared innovations above the first add up (Page's cumulative sum, Biometrika 1954);
     once they come to the second, fixes have been pulling at the belief for longer than chance would have them: it may
     have slipped to where lines happen to fit. Then elsewhere is `strained` as likely at least, until a look that
     searched farther off found nothing better. Beyond `outlier_nis`, twice the gate, a fix is an outlier, which does
-    not pull.
+    not pull, unless it lies beside the place.
     """
 
     sure: float = 0.8
@@ -127,7 +127,7 @@ class Mind:
             verdict = self._unfused(sighting)
         if isinstance(verdict, Relocalized):
             return Mind(hypotheses, leader, trusted, proven=self.proven), verdict
-        strain = self._strained_by(verdict, trust)
+        strain = self._strained_by(verdict, sighting, config, trust)
         if trusted and strain >= 1.0:
             hypotheses = hypotheses.doubted(trust.strained)
         if isinstance(verdict, Fused) and place:
@@ -136,20 +136,29 @@ class Mind:
         apart = 0.0 if sighting.blind else self.hypotheses.independence(sighting.stamp_ns, config)
         unexplained = self.unexplained + apart
         if trusted and place and unexplained > min(trust.patience + place.views, trust.most_patience):
-            left = trust.remembered if place.views >= trust.views else 0.0
+            left = trust.remembered if place.views >= trust.proven else 0.0
             hypotheses, trusted = hypotheses.given_up(place, left), False
         proven = self.proven and unexplained <= trust.lapse
         return Mind(hypotheses, leader, trusted, self.misses + 1, unexplained, strain, proven), verdict
 
-    def _strained_by(self, verdict: Verdict, trust: TrustConfig) -> float:
+    def _strained_by(
+        self, verdict: Verdict, sighting: Sighting, config: HypothesesConfig, trust: TrustConfig
+    ) -> float:
         """Return the strain after a look; none once a search farther off has come back to the same place."""
         if self.strained and isinstance(verdict, Fused):
             return 0.0
         nis = verdict.nis if isinstance(verdict, Fused | Rejected) else None
-        if nis is None or nis > trust.outlier_nis:
+        if nis is None or (nis > trust.outlier_nis and not self._beside(sighting, config)):
             return self.strain
         pulled = (nis - trust.usual_nis) / trust.bearable_nis
         return max(self.strain + min(pulled, _MOST_PULL), 0.0)
+
+    def _beside(self, sighting: Sighting, config: HypothesesConfig) -> bool:
+        """Whether a look shows one place, beside the leading one."""
+        place = self.leading
+        if place is None or len(sighting.places) != 1:
+            return False
+        return beside(place.estimate, sighting.places[0], config)
 
     def _unfused(self, sighting: Sighting) -> Verdict:
         """Return why a look was not fused; one place is told how far off it was."""
