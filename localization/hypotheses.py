@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-import numpy as np
-
+from localization.beside import BesideConfig, beside
 from localization.ekf import Estimate, Innovation, innovation, predict, quantile, update
 from localization.odometry import OdometryStep
 from localization.sightings import Sighting
@@ -32,12 +31,10 @@ class HypothesesConfig:
     elsewhere if no hypothesis explains it and it cannot found one, as positions without a heading.
     `least_odds`: places of an ambiguous look with less are not fused. Those with more count alike: what makes
     one of two look-alikes likelier in one image does so in the next. `most`: hypotheses kept. `same_m`,
-    `same_rad`: hypotheses so near each other that either explains the other are one. A fix within `beside_m`,
-    `beside_rad` and `beside_gates` times the gate shows no other place: covariances are too small, as on a map whose
-    edges are some centimetres off. It is fused with both of them as wide as to agree; its likelihood is `beside`.
-    `dropped`: a hypothesis with less than this share of the leading one goes once a look supports that one alone.
-    `vague_m`, `vague_rad`: standard deviations beyond which a Gaussian says nothing. `founding_m`,
-    `founding_rad`: greatest standard deviations of a look that founds a hypothesis.
+    `same_rad`: hypotheses so near each other that either explains the other are one. `beside`: what is no other
+    place, however small the covariances. `dropped`: a hypothesis with less than this share of the leading one goes
+    once a look supports that one alone. `vague_m`, `vague_rad`: standard deviations beyond which a Gaussian says
+    nothing. `founding_m`, `founding_rad`: greatest standard deviations of a look that founds a hypothesis.
     """
 
     outlier: float = 0.1
@@ -52,10 +49,7 @@ class HypothesesConfig:
     most: int = 5
     same_m: float = 0.3
     same_rad: float = 0.5
-    beside: float = 0.5
-    beside_m: float = 0.3
-    beside_rad: float = 0.1
-    beside_gates: float = 2.0
+    beside: BesideConfig = field(default_factory=BesideConfig)
     dropped: float = 0.1
     vague_m: float = 3.0
     vague_rad: float = 1.0
@@ -191,22 +185,16 @@ Fit = tuple[int, Innovation, float, float]
 
 
 def _fits(estimate: Estimate, sighting: Sighting, gate: float, config: HypothesesConfig) -> list[Fit]:
-    fits = []
+    fits, alone = [], len(sighting.places) == 1
     for number, (place, odds) in enumerate(zip(sighting.places, sighting.odds, strict=True)):
         news = innovation(estimate, place)
         likely = math.exp(-0.5 * news.nis / config.temper)
         beyond = news.nis / quantile(gate, news.dof)
         if beyond <= 1.0:
             fits.append((number, news, 1.0, _alike(odds, config) * likely))
-        elif len(sighting.places) == 1 and beyond <= config.beside_gates and beside(estimate, place, config):
-            fits.append((number, news, beyond, max(likely, config.beside)))
+        elif alone and beyond <= config.beside.gates and beside(estimate, place, config.beside):
+            fits.append((number, news, beyond, max(likely, config.beside.likelihood)))
     return fits
-
-
-def beside(estimate: Estimate, place: PoseBelief, config: HypothesesConfig) -> bool:
-    """Tell whether a place is too near to be another one; what was not measured is not compared."""
-    away = np.where(place.measured, place.pose.minus(estimate.pose), 0.0)
-    return math.hypot(away[0], away[1]) <= config.beside_m and abs(away[2]) <= config.beside_rad
 
 
 def _alike(odds: float, config: HypothesesConfig) -> float:

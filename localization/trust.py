@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from localization.beside import beside
 from localization.ekf import innovation
-from localization.hypotheses import Hypotheses, HypothesesConfig, Hypothesis, beside
+from localization.hypotheses import Hypotheses, HypothesesConfig, Hypothesis
 from localization.odometry import OdometryStep
 from localization.sightings import Sighting
 from localization.verdicts import Fused, Missed, Refusal, Rejected, Relocalized, Verdict
@@ -158,7 +159,7 @@ class Mind:
         place = self.leading
         if place is None or len(sighting.places) != 1:
             return False
-        return beside(place.estimate, sighting.places[0], config)
+        return beside(place.estimate, sighting.places[0], config.beside)
 
     def _unfused(self, sighting: Sighting) -> Verdict:
         """Return why a look was not fused; one place is told how far off it was."""
