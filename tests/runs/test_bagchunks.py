@@ -9,6 +9,8 @@ pytest.importorskip("rosbags")
 
 from bagtoys import drawn, odometry_fields, raw_fields
 from rosbags.rosbag1 import Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode
+from rosbags.rosbag2 import Writer as Writer2
 
 from maps.errors import InputError
 from maps.poses import Pose2
@@ -25,19 +27,24 @@ else:
 IMAGE = drawn(3, 100, 160)
 
 
-@pytest.fixture(params=["BZ2", "LZ4"])
+@pytest.fixture(params=["BZ2", "LZ4", "MESSAGE", "FILE"])
 def bag(request, tmp_path, monkeypatch):
-    """Return a ROS 1 bag with compressed chunks and one picture."""
-    begin = Writer.open
+    """Return a bag of one picture: ROS 1 with compressed chunks, or ROS 2 compressed by message or file."""
+    if request.param in ("BZ2", "LZ4"):
+        writer, how, path = Writer, (Writer.CompressionFormat[request.param],), tmp_path / "drive.bag"
+        kind = BagKind.ROS1
+    else:
+        how = (CompressionMode[request.param], CompressionFormat.ZSTD)
+        writer, kind, path = Writer2, BagKind.SQLITE3, tmp_path / "drive"
+    begin = writer.open
 
     def compressed(self):
-        self.set_compression(Writer.CompressionFormat[request.param])
+        self.set_compression(*how)
         begin(self)
 
-    monkeypatch.setattr(Writer, "open", compressed)
+    monkeypatch.setattr(writer, "open", compressed)
     images._album.cache_clear()
-    path = tmp_path / "drive.bag"
-    with BagFile(path, BagKind.ROS1) as bag:
+    with BagFile(path, kind) as bag:
         bag.add("/camera/image_raw", "sensor_msgs/msg/Image")
         bag.add("/odom", "nav_msgs/msg/Odometry")
         bag.write("/camera/image_raw", 10**9, raw_fields(10**9, IMAGE))
@@ -61,9 +68,10 @@ def test_compressed_chunks_are_read(bag):
     assert (picture == IMAGE).all()
 
 
-def test_a_chunk_that_grows_too_large_is_refused(bag, monkeypatch):
+@pytest.mark.parametrize("bag", ["BZ2", "LZ4", "MESSAGE"], indirect=True)
+def test_what_grows_too_large_is_refused(bag, monkeypatch):
     monkeypatch.setattr("runs.bags.chunks.MOST_BYTES", 10_000)
-    with pytest.raises(InputError, match=r"drive\.bag: a damaged bag \(ValueError a chunk of more than"):
+    with pytest.raises(InputError, match=r"drive.*: a damaged bag \(ValueError a chunk of more than"):
         pictures(bag)
 
 
