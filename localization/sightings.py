@@ -18,15 +18,15 @@ _NEUTRAL = (*_BLIND, Reason.WEAK_GEOMETRY)
 class EvidenceConfig:
     """What a look is worth.
 
-    `wide_m`: beyond this a window is a search of the floor.
+    `wide_m`: beyond this a window is a search for a place, be it of the floor or of a metre around.
     `miss`: an image that shows nothing where at least `plenty` edges should be seen is so much less likely
     at the right place than at another one; people and open doors hide much. `floor_miss`: the same for an
-    image that fits nowhere on the floor, which says more about the image. `clear_miss`: the same where it shows at
+    image that a search found no place for, which says more about the image. `clear_miss`: the same where it shows at
     least as many lines as edges are expected, `clear` of them or more, and less than `clear_share` of these: there is
     enough to see, and it is something else.
     """
 
-    wide_m: float = 2.0
+    wide_m: float = 0.9
     plenty: int = 8
     miss: float = 0.25
     floor_miss: float = 0.9

@@ -33,7 +33,7 @@ class WindowConfig:
     believes is not that exact. `growth`: by this factor after each frame without a fix, since then
     the belief itself is in doubt, up to `largest_growth`.
     `doubt`: where the robot is at none of the places known with more probability than this, search everywhere too;
-    two images that do not show what they should make it so. `strained_doubt`: the same where fixes strain the place.
+    two images that do not show what they should make it so.
     `unexplained`: so many looks on end that were not fused, with something to see, do too: where nothing is expected,
     nothing can be missing. A place that fixes strain, or that is wrong with more probability than `doubt` because
     others compete with it, is searched for within `aside_m` and `aside_rad`: slipped wheels lead no farther.
@@ -46,7 +46,6 @@ class WindowConfig:
     growth: float = 1.4
     largest_growth: float = 5.0
     doubt: float = 0.1
-    strained_doubt: float = 0.5
     unexplained: float = 3.0
     aside_m: float = 1.0
     aside_rad: float = math.radians(20.0)
@@ -80,7 +79,7 @@ def search_windows(mind: Mind, config: WindowConfig) -> tuple[SearchWindow, ...]
         window_about(place.estimate.belief, misses, config) for place, misses in growths[: config.most]
     ]
     # Far away there is always something that fits; what pulls is near, and what competes has its own window.
-    far = mind.hypotheses.elsewhere > (config.strained_doubt if mind.strained else config.doubt)
+    far = mind.hypotheses.elsewhere > config.doubt and not mind.strained
     rivalled = mind.trusted and leading.weight < 1.0 - config.doubt and not far
     if mind.strained or rivalled:
         windows.append(SearchWindow(leading.estimate.pose, config.aside_m, config.aside_rad))
