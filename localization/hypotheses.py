@@ -32,7 +32,7 @@ class HypothesesConfig:
     `least_odds`: places of an ambiguous look with less are not fused. Those with more count alike: what makes
     one of two look-alikes likelier in one image does so in the next. `most`: hypotheses kept. `same_m`,
     `same_rad`: hypotheses so near each other that either explains the other are one. `beside`: what is no other
-    place, however small the covariances. `dropped`: a hypothesis with less than this share of the leading one goes
+    place though it is beyond the gate. `dropped`: a hypothesis with less than this share of the leading one goes
     once a look supports that one alone. `vague_m`, `vague_rad`: standard deviations beyond which a Gaussian says
     nothing. `founding_m`, `founding_rad`: greatest standard deviations of a look that founds a hypothesis.
     """

@@ -24,7 +24,8 @@ from maps.poses import Pose2
 class LocalizerConfig:
     """How looks are judged.
 
-    `gate`: probability that a good fix passes the chi-square gate on its innovation. `history_s`: how
+    `gate`: probability that a good fix passes the chi-square gate on its innovation; what lies beside the belief may
+    be farther out (`localization.beside`). `history_s`: how
     late a look may come; longer than any matcher takes.
     """
 
