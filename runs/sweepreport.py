@@ -20,6 +20,10 @@ _HEADER = (
 )  # fmt: skip
 
 
+#: Colours that tell apart.
+_MOST_COLOURS = 10
+
+
 def sweep_table(rows: Sequence[Row]) -> Grid:
     """Return a row a group of seeds: medians of the errors, the worst of everything else."""
     groups: dict[tuple[str, ...], list[Row]] = {}
@@ -47,14 +51,20 @@ def failures(rows: Sequence[Row]) -> list[str]:
 
 @matplotlib.rc_context(STYLE)
 def draw_sweep(rows: Sequence[Row]) -> Figure:
-    """Draw each run's filtered RMSE as a dot, faults below each other, sessions and configurations by colour."""
+    """Draw each run's filtered RMSE as a dot, faults below each other, sessions and configurations by colour.
+
+    More of them than there are colours share one: configurations have theirs then.
+    """
     done = [row for row in rows if isinstance(row.get("filtered_rmse_m"), float)]
     faults = list(dict.fromkeys(str(row["fault"]) for row in done))
-    kinds = list(dict.fromkeys((str(row["session"]), str(row["config"])) for row in done))
-    figure = blank_figure(1.2 + 0.22 * max(len(faults), 2))
+    names = [f"{row['session']}, {row['config']}" for row in done]
+    if len(set(names)) > _MOST_COLOURS:
+        names = [str(row["config"]) for row in done]
+    kinds = list(dict.fromkeys(names))
+    figure = blank_figure(1.2 + 0.11 * len(kinds) + 0.22 * max(len(faults), 2))
     axes = figure.subplots()
     for number, kind in enumerate(kinds):
-        mine = [row for row in done if (row["session"], row["config"]) == kind]
+        mine = [row for row, name in zip(done, names, strict=True) if name == kind]
         offset = 0.5 * ((number + 0.5) / len(kinds) - 0.5)
         places = [faults.index(str(row["fault"])) + offset for row in mine]
         axes.plot(
@@ -62,7 +72,7 @@ def draw_sweep(rows: Sequence[Row]) -> Figure:
             places,
             "o",
             markersize=3.5,
-            label=", ".join(kind),
+            label=kind,
         )
     axes.set_yticks(range(len(faults)), faults)
     axes.invert_yaxis()

@@ -212,3 +212,17 @@ def test_the_command_writes_results_table_and_plot(wireloc, toy, tmp_path):
     missing = wireloc("sweep", tmp_path / "nowhere", "--workers", "1", "--out", tmp_path / "none")
     assert missing.code == 1
     assert "nowhere" in missing.err
+
+
+@pytest.mark.parametrize(("sessions", "entries"), [(3, 3), (22, 1)])
+def test_a_plot_of_many_drives_has_colours_for_configurations_alone(sessions, entries):
+    from runs.sweepreport import draw_sweep
+
+    rows = [
+        {"session": f"drive {number}", "config": "default", "fault": "none", "filtered_rmse_m": 0.01}
+        for number in range(sessions)
+    ]
+    figure = draw_sweep(rows)
+    (legend,) = figure.legends
+    assert len(legend.get_texts()) == entries
+    assert sum(len(line.get_xdata()) for line in figure.axes[0].lines) == sessions
